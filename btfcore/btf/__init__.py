@@ -1,0 +1,1 @@
+"""Texture samples: readers now; measured materials (BTFs) later."""

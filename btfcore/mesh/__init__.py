@@ -1,0 +1,1 @@
+"""Meshes: reading, repair, topology and distances."""

@@ -1,0 +1,158 @@
+"""Makes a clean, manifold, coherently wound mesh of whatever triangles a file held."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from btfcore.errors import InvalidMesh
+from btfcore.mesh.slivers import flat_faces, flip_caps
+from btfcore.mesh.split import split_nonmanifold
+from btfcore.mesh.topology import edges, is_manifold
+from btfcore.mesh.weld import collapse_short_edges, weld
+from btfcore.mesh.winding import agree, outward
+from btfcore.types import F8, I4, Mesh
+
+# Single precision, in which files and graphics cards keep coordinates, must hold a volume.
+_SMALLEST, _LARGEST = 1e-12, 1e12
+# Of the extent: lower triangles and shorter edges count as having no area and no length.
+_FLAT = 1e-12
+# Double precision must leave this many steps across the extent of a mesh far from the origin.
+_STEPS = 1e6
+_ROUNDS = 4
+
+
+def repair(vertices: ArrayLike, faces: ArrayLike) -> tuple[Mesh, tuple[str, ...]]:
+    """Mend what can be mended without changing the shape, and say what was done.
+
+    vertices (V, 3) and faces (F, 3) as a file gave them: positions may repeat, faces may be
+    degenerate, duplicated, wound at random and crowded around edges. The result is manifold
+    with coherent winding, every position merged where that keeps it manifold, closed
+    components turned outward, borders kept, no face lower than 1e-12 of the extent and no
+    vertex without a face. Notes are sentences with the number of each thing mended.
+
+    Raises `InvalidMesh` where faces name vertices that do not exist, no face of positive area
+    is left, the extent lies outside 1e-12 … 1e12, or the mesh lies so far from the origin
+    that double precision leaves fewer than 1e6 steps across it.
+    """
+    points, triangles = _checked(vertices, faces)
+    notes: list[str] = []
+    triangles = _without_nonfinite(points, triangles, notes)
+    if len(triangles) == 0:
+        raise InvalidMesh("no triangle is left: the mesh has no face with finite corners")
+    tolerance = _FLAT * _extent(points[triangles.reshape(-1)])
+    points, triangles = weld(points, triangles)
+    triangles, merged = collapse_short_edges(points, triangles, tolerance)
+    _note(notes, merged, "merged {} vertices at the ends of edges without length")
+    triangles = _without_repeats(triangles, notes)
+    triangles, reversed_count = agree(triangles)
+    _note(notes, reversed_count, "reversed {} faces to agree with their neighbours")
+    points, triangles = _manifold(points, triangles, tolerance, notes)
+    triangles, turned = outward(points, triangles)
+    _note(notes, turned, "turned {} closed components outward")
+    _recheck(points, triangles, tolerance)
+    return Mesh(points, triangles), tuple(notes)
+
+
+def _checked(vertices: ArrayLike, faces: ArrayLike) -> tuple[F8, I4]:
+    """Bring the arrays into shape and check what the faces name."""
+    points = np.asarray(vertices, np.float64)
+    triangles = np.asarray(faces)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise InvalidMesh(f"vertices have shape {points.shape}, not (V, 3)")
+    if triangles.size == 0:
+        raise InvalidMesh(f"the mesh has {len(points)} vertices but no triangle")
+    if triangles.ndim != 2 or triangles.shape[1] != 3 or triangles.dtype.kind not in "iu":
+        raise InvalidMesh(f"faces have shape {triangles.shape}, not (F, 3) of integers")
+    low, high = int(triangles.min()), int(triangles.max())
+    if low < 0 or high >= len(points):
+        raise InvalidMesh(f"faces name vertices {low}..{high}, the mesh has {len(points)}")
+    return points, np.ascontiguousarray(triangles, np.int32)
+
+
+def _without_nonfinite(points: F8, triangles: I4, notes: list[str]) -> I4:
+    finite = np.isfinite(points).all(axis=1)
+    kept = triangles[finite[triangles].all(axis=1)]
+    _note(notes, len(triangles) - len(kept), "dropped {} faces with corners that are not finite")
+    return kept
+
+
+def _extent(points: F8) -> float:
+    """Longest side of the bounding box, checked to be a size that can be worked with."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    with np.errstate(over="ignore"):
+        extent = float((high - low).max())
+    if not _SMALLEST <= extent <= _LARGEST:
+        raise InvalidMesh(
+            f"the mesh's extent is {extent:.3g} units; sizes from {_SMALLEST:g} to"
+            f" {_LARGEST:g} can be worked with: rescale it"
+        )
+    farthest = float(max(np.abs(low).max(), np.abs(high).max()))
+    if float(np.spacing(farthest)) * _STEPS > extent:
+        raise InvalidMesh(
+            f"the mesh is {extent:.3g} units large but lies {farthest:.3g} from the origin,"
+            " where coordinates are too coarse for it: move it to the origin"
+        )
+    return extent
+
+
+def _without_repeats(triangles: I4, notes: list[str]) -> I4:
+    """Drop faces that name a vertex twice, and all but the first on the same three vertices."""
+    proper = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
+    kept = triangles[proper]
+    _note(notes, len(triangles) - len(kept), "dropped {} faces whose corners coincide")
+    if len(kept) == 0:
+        raise InvalidMesh("no triangle is left: all faces have zero area")
+    order = np.lexsort(np.sort(kept, axis=1).T)
+    ordered = np.sort(kept[order], axis=1)
+    repeated = np.zeros(len(kept), bool)
+    repeated[order[1:]] = (ordered[1:] == ordered[:-1]).all(axis=1)
+    _note(notes, int(repeated.sum()), "dropped {} duplicate faces")
+    return kept[~repeated]
+
+
+def _manifold(points: F8, triangles: I4, tolerance: float, notes: list[str]) -> tuple[F8, I4]:
+    """Split what is not manifold, and mend or drop faces of no area."""
+    crowded = int((edges(triangles)[1] > 2).sum())
+    extra, flipped, dropped = 0, 0, 0
+    for _ in range(_ROUNDS):
+        triangles, source = split_nonmanifold(points, triangles)
+        extra += len(source) - len(points)
+        points = points[source]
+        triangles, count = flip_caps(points, triangles, tolerance)
+        flipped += count
+        flat = flat_faces(points, triangles, tolerance)
+        if len(flat) == 0:
+            break
+        dropped += len(flat)
+        triangles = np.delete(triangles, flat, axis=0)
+        if len(triangles) == 0:
+            raise InvalidMesh("no triangle is left: all faces have zero area")
+        points, triangles = _compact(points, triangles)
+    _note(notes, extra, f"split off {{}} vertices at {crowded} edges of more than two faces"
+          " and at corners where surfaces merely touch")  # fmt: skip
+    _note(notes, flipped, "flipped {} edges of faces without area")
+    _note(notes, dropped, "dropped {} faces without area")
+    return points, triangles
+
+
+def _compact(points: F8, triangles: I4) -> tuple[F8, I4]:
+    """Drop vertices that no face names."""
+    named = np.zeros(len(points), bool)
+    named[triangles] = True
+    return points[named], (np.cumsum(named) - 1)[triangles].astype(np.int32)
+
+
+def _recheck(points: F8, triangles: I4, tolerance: float) -> None:
+    """Trust nothing: the promises of `repair`, tested on its result."""
+    if not is_manifold(triangles):
+        crowded = int((edges(triangles)[1] > 2).sum())
+        raise InvalidMesh(f"the mesh cannot be made manifold: {crowded} crowded edges remain")
+    flat = len(flat_faces(points, triangles, tolerance))
+    if flat:
+        raise InvalidMesh(f"{flat} faces without area cannot be removed")
+
+
+def _note(notes: list[str], count: int, sentence: str) -> None:
+    if count:
+        notes.append(sentence.format(count))
