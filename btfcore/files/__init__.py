@@ -1,0 +1,1 @@
+"""What Patina writes to disk: decorated meshes, textures, quilting maps."""

@@ -1,0 +1,1 @@
+"""From a quilting map to colours: per vertex, and as a texture of the atlas."""
