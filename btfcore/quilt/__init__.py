@@ -1,0 +1,1 @@
+"""Graphcut quilting of a sample on a dense mesh (Zhou §III-B)."""

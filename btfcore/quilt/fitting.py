@@ -1,0 +1,229 @@
+"""Patch fitting: which vertices take the new patch (Zhou §III-B, Kwatra et al. 2003, §3).
+
+Nodes are the old vertices of the overlap, edges the dense mesh's own. Cutting between p and
+q costs V_pq = ‖A(p) − B(p)‖ + ‖A(q) − B(q)‖. What a patch *would* have beside its border is
+stored per half-edge as a ghost coordinate, so costs across the overlap's two rims and across
+old seams are exact, and no vertex needs to be tied to either side by force.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from btfcore.mincut import minimum_cut
+from btfcore.types import F4, F8, I4
+
+BARE, OLD = -1, -2  # what a patch vertex is, where it is no node
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """An optimal seam: `fresh` (inner,) bool marks the patch vertices that take new values.
+
+    flow: its cost; gained: bare vertices covered; missed: bare vertices that the placement
+    does not reach.
+    """
+
+    fresh: NDArray[np.bool_]
+    flow: float
+    gained: int
+    missed: int
+
+
+def fit(
+    indptr: I4,
+    indices: I4,
+    order: I4,
+    inner: int,
+    local: I4,
+    place: F4,
+    patch: I4,
+    source: F4,
+    ghost: F4,
+    grid: F4,
+    band: int,
+) -> Cut:
+    """Cut the placement `place` (n, 2) f4 (grid coordinates of the patch's vertices).
+
+    patch (N,), source (N, 2), ghost (M, 2): the quilt so far, in grid coordinates; grid
+    (h, w, K): the channels that distances are taken in; band: levels of overlap, counted
+    from the bare vertices, in which the seam may run.
+    """
+    covered, node, count = _nodes(
+        indptr, indices, order, inner, local, place, patch, grid.shape[0], grid.shape[1], band
+    )
+    bare = patch[order[:inner]] < 0
+    fresh = bare & covered[:inner]
+    gained = int(fresh.sum())
+    missed = int(bare.sum()) - gained
+    if count == 0:
+        return Cut(fresh, 0.0, gained, missed)
+    tail, head, forward, backward, keep, change, extra = _graph(
+        indptr, indices, order, inner, local, place, patch, source, ghost, grid,
+        covered, node, count,
+    )  # fmt: skip
+    flow, side = minimum_cut(count + extra, tail, head, forward, backward, change, keep)
+    is_node = node[:inner] >= 0
+    fresh[is_node] = side[node[:inner][is_node]]
+    return Cut(fresh, flow, gained, missed)
+
+
+@njit(cache=True)
+def _nodes(indptr, indices, order, inner, local, place, patch, height, width, band):  # type: ignore[no-untyped-def]
+    """Which vertices the placement covers, and which of them are graph nodes."""
+    count = len(order)
+    covered = np.empty(count, np.bool_)
+    for here in range(count):
+        x, y = place[here, 0], place[here, 1]
+        covered[here] = x >= 0.0 and y >= 0.0 and x <= width - 1 and y <= height - 1
+    node = np.full(count, OLD, np.int32)
+    queue = np.empty(inner, np.int32)
+    depth = np.full(inner, -1, np.int32)
+    tail = 0
+    for here in range(inner):
+        if patch[order[here]] < 0:
+            node[here] = BARE
+            if covered[here]:
+                depth[here] = 0
+                queue[tail] = here
+                tail += 1
+    for here in range(inner, count):
+        if patch[order[here]] < 0:
+            node[here] = BARE
+    head, nodes = 0, 0
+    while head < tail:
+        here = queue[head]
+        head += 1
+        if depth[here] == band:
+            continue
+        vertex = order[here]
+        for slot in range(indptr[vertex], indptr[vertex + 1]):
+            other = local[indices[slot]]
+            if 0 <= other < inner and depth[other] < 0 and covered[other] and node[other] == OLD:
+                depth[other] = depth[here] + 1
+                node[other] = nodes
+                nodes += 1
+                queue[tail] = other
+                tail += 1
+    return covered, node, nodes
+
+
+@njit(cache=True)
+def _distance(grid, ax, ay, bx, by):  # type: ignore[no-untyped-def]
+    """Distance of the bilinear values at two grid positions, clamped at the border."""
+    height, width, channels = grid.shape
+    ax, ay = min(max(ax, 0.0), width - 1.0), min(max(ay, 0.0), height - 1.0)
+    bx, by = min(max(bx, 0.0), width - 1.0), min(max(by, 0.0), height - 1.0)
+    ac, ar, bc, br = int(ax), int(ay), int(bx), int(by)
+    ac1, ar1 = min(ac + 1, width - 1), min(ar + 1, height - 1)
+    bc1, br1 = min(bc + 1, width - 1), min(br + 1, height - 1)
+    afx, afy, bfx, bfy = ax - ac, ay - ar, bx - bc, by - br
+    a00, a01, a10, a11 = (1 - afx) * (1 - afy), afx * (1 - afy), (1 - afx) * afy, afx * afy
+    b00, b01, b10, b11 = (1 - bfx) * (1 - bfy), bfx * (1 - bfy), (1 - bfx) * bfy, bfx * bfy
+    total = 0.0
+    for k in range(channels):
+        a = (
+            a00 * grid[ar, ac, k] + a01 * grid[ar, ac1, k]
+            + a10 * grid[ar1, ac, k] + a11 * grid[ar1, ac1, k]
+        )  # fmt: skip
+        b = (
+            b00 * grid[br, bc, k] + b01 * grid[br, bc1, k]
+            + b10 * grid[br1, bc, k] + b11 * grid[br1, bc1, k]
+        )  # fmt: skip
+        total += (a - b) ** 2
+    return np.sqrt(total)
+
+
+@njit(cache=True)
+def _back_slot(indptr, indices, vertex, other):  # type: ignore[no-untyped-def]
+    """Slot of the half-edge other→vertex."""
+    for slot in range(indptr[other], indptr[other + 1]):
+        if indices[slot] == vertex:
+            return slot
+    return -1
+
+
+@njit(cache=True)
+def _graph(
+    indptr, indices, order, inner, local, place, patch, source, ghost, grid, covered, node, count
+):  # type: ignore[no-untyped-def]
+    """Edges and terminal capacities; seam nodes follow the vertex nodes."""
+    slots = 0
+    for here in range(inner):
+        if node[here] >= 0:
+            slots += indptr[order[here] + 1] - indptr[order[here]]
+    tail, head = np.empty(slots, np.int32), np.empty(slots, np.int32)
+    forward = np.empty(slots, np.float64)
+    keep = np.zeros(count + slots // 2 + 1, np.float64)  # cost of keeping the old value
+    change = np.zeros(count + slots // 2 + 1, np.float64)  # cost of taking the new one
+    own = np.zeros(len(order), np.float64)  # ‖A − B‖ at the vertex itself
+    for here in range(len(order)):
+        vertex = order[here]
+        if node[here] != BARE:
+            own[here] = _distance(
+                grid, source[vertex, 0], source[vertex, 1], place[here, 0], place[here, 1]
+            )
+    edges, extra = 0, 0
+    for here in range(inner):
+        me = node[here]
+        if me < 0:
+            continue
+        p = order[here]
+        for slot in range(indptr[p], indptr[p + 1]):
+            q = indices[slot]
+            other = local[q]
+            if other >= 0 and node[other] == BARE:
+                if other < inner and covered[other]:
+                    keep[me] += own[here] + _distance(
+                        grid, ghost[slot, 0], ghost[slot, 1], place[other, 0], place[other, 1]
+                    )
+                continue
+            if other < 0 and patch[q] < 0:
+                continue
+            same = patch[p] == patch[q]
+            if other >= 0 and node[other] >= 0:
+                if other < here:
+                    continue
+                if same:
+                    tail[edges], head[edges] = me, node[other]
+                    forward[edges] = own[here] + own[other]
+                    edges += 1
+                    continue
+                back = _back_slot(indptr, indices, p, q)
+                # M(p, q, A_p, B), M(p, q, A_q, B) and the old seam M(p, q, A_p, A_q)
+                mine = own[here] + _distance(
+                    grid, ghost[slot, 0], ghost[slot, 1], place[other, 0], place[other, 1]
+                )
+                theirs = own[other] + _distance(
+                    grid, ghost[back, 0], ghost[back, 1], place[here, 0], place[here, 1]
+                )
+                seam = count + extra
+                extra += 1
+                tail[edges], head[edges], forward[edges] = me, seam, mine
+                tail[edges + 1], head[edges + 1], forward[edges + 1] = seam, node[other], theirs
+                edges += 2
+                keep[seam] = _distance(
+                    grid, source[p, 0], source[p, 1], ghost[back, 0], ghost[back, 1]
+                ) + _distance(grid, ghost[slot, 0], ghost[slot, 1], source[q, 0], source[q, 1])
+                continue
+            # q keeps its old value whatever happens
+            if same:
+                rim = own[here]
+            else:
+                back = _back_slot(indptr, indices, p, q)
+                rim = _distance(
+                    grid, ghost[back, 0], ghost[back, 1], place[here, 0], place[here, 1]
+                )
+                keep[me] += _distance(
+                    grid, source[p, 0], source[p, 1], ghost[back, 0], ghost[back, 1]
+                ) + _distance(grid, ghost[slot, 0], ghost[slot, 1], source[q, 0], source[q, 1])
+            change[me] += rim + (own[other] if other >= 0 and covered[other] else rim)
+    total = count + extra
+    return (
+        tail[:edges], head[:edges], forward[:edges], forward[:edges],
+        keep[:total], change[:total], extra,
+    )  # fmt: skip

@@ -1,0 +1,60 @@
+"""Every knob of the quilting, with what it does to the picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from btfcore.errors import InvalidParameter
+
+
+@dataclass(frozen=True)
+class QuiltParameters:
+    """Knobs of `btfcore.quilt.synthesize`; the defaults are the measured knee.
+
+    scale : 2 makes the pattern twice as large; at 1 a sample texel spans one dense-mesh step.
+    seed : of everything random.
+    work_patch : r_w, radius of a work patch in breadth-first levels; None ties it to the
+        sample's size (40 for 128 texels). Larger copies more of the sample, with fewer seams.
+    max_distortion : T_d, bound on a patch's area distortion (Zhou §III-B).
+    max_seam : T_c, bound on the seam cost per seam edge over the sample's mean texel
+        difference; None keeps the best of the placements tried without a bound.
+    placements : candidate placements that are cut, the cheapest being kept.
+    swing : orientations of the sample tried around the field's, in degrees.
+    ahead : how many levels ahead of the frontier a patch is centred.
+    band : width in levels of the overlap that may be cut.
+    overlap : share of the known part of the work image that a placement must cover.
+    margin : distance in texels of the patch's centre to the sample's border.
+    match_channels : principal channels used in matching, at most.
+    literal : the paper's way in every step.
+    """
+
+    scale: float = 1.0
+    seed: int = 0
+    work_patch: int | None = None
+    max_distortion: float = 4.0
+    max_seam: float | None = None
+    placements: int = 3
+    swing: tuple[float, ...] = (0.0,)
+    ahead: int = 8
+    band: int = 20
+    overlap: float = 0.8
+    margin: float = 24.0
+    match_channels: int = 4
+    literal: bool = False
+
+    def __post_init__(self) -> None:
+        """Check every range, naming the knob and its value."""
+        _within("scale", self.scale, 0.01, 100.0)
+        _within("max_distortion", self.max_distortion, 1.01, 1e6)
+        _within("placements", self.placements, 1, 64)
+        _within("overlap", self.overlap, 0.0, 1.0)
+        _within("seed", self.seed, 0, 2**32 - 1)
+        if self.work_patch is not None:
+            _within("work_patch", self.work_patch, 4, 200)
+        if self.max_seam is not None:
+            _within("max_seam", self.max_seam, 1e-6, 1e6)
+
+
+def _within(name: str, value: float, low: float, high: float) -> None:
+    if not low <= value <= high:  # also false for NaN
+        raise InvalidParameter(f"{name} is {value:g}, outside {low:g} … {high:g}")
