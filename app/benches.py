@@ -1,0 +1,24 @@
+"""Door to the benchmarks, which live beside the tests of a source checkout."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
+
+from btfcore.errors import InvalidParameter
+
+STAGES = ("dense", "quilt")
+
+
+def run_bench(stage: str, *, write: bool, quick: bool) -> None:
+    """Run ``tests.bench.STAGE``; raises `InvalidParameter` for a stage that is not there."""
+    if stage not in STAGES:
+        raise InvalidParameter(f"no benchmark {stage!r}; there are {', '.join(STAGES)}")
+    root = Path(__file__).resolve().parent.parent
+    if not (root / "tests" / "bench").is_dir():
+        raise InvalidParameter(
+            "benchmarks need a source checkout: the installed package has no tests/bench"
+        )
+    sys.path.insert(0, str(root))
+    importlib.import_module(f"tests.bench.{stage}").main(write=write, quick=quick)

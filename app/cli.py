@@ -1,0 +1,159 @@
+"""The command line: decorate a mesh headless, open the window, run a benchmark."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.console import reporter, say
+from btfcore import __version__
+from btfcore.errors import Cancelled, PatinaError
+
+app = typer.Typer(
+    name="patina",
+    help="Decorate meshes with real materials by graphcut quilting.",
+    add_completion=False,
+    no_args_is_help=False,
+    pretty_exceptions_enable=False,
+)
+
+
+@app.callback(invoke_without_command=True)
+def root(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+) -> None:
+    """Decorate meshes with real materials; without a command, open the window."""
+    if version:
+        typer.echo(f"patina {__version__}")
+        raise typer.Exit
+    if context.invoked_subcommand is None:
+        gui(None, None, None)
+
+
+@app.command()
+def decorate(
+    mesh: Annotated[Path, typer.Argument(help="OBJ, PLY, STL, OFF, GLB or glTF file.")],
+    sample: Annotated[Path, typer.Argument(help="Texture sample: PNG, JPEG, TIFF, …")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Result, ending in .glb, .obj or .ply.")
+    ],
+    rate: Annotated[int, typer.Option(help="Side of the dense mesh's atlas in texels.")] = 512,
+    scale: Annotated[float, typer.Option(help="2 makes the pattern twice as large.")] = 1.0,
+    seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
+    guide: Annotated[
+        Path | None, typer.Option(help="JSON list of {position, direction} for the field.")
+    ] = None,
+    work_patch: Annotated[
+        int | None, typer.Option(help="Radius r_w of a work patch in steps (default: sample's).")
+    ] = None,
+    max_distortion: Annotated[
+        float, typer.Option(help="T_d, bound on a patch's area distortion.")
+    ] = 4.0,
+    max_seam: Annotated[
+        float | None,
+        typer.Option(help="T_c, bound on a patch's seam cost per edge in texel differences."),
+    ] = None,
+    literal: Annotated[bool, typer.Option(help="The paper's way in every step.")] = False,
+    dense: Annotated[bool, typer.Option(help="Export the dense mesh's shape.")] = False,
+    preview: Annotated[Path | None, typer.Option(help="Picture of the result (PNG).")] = None,
+    save_quilt: Annotated[Path | None, typer.Option(help="The quilting map (NPZ).")] = None,
+    report: Annotated[Path | None, typer.Option(help="Figures of the run (JSON).")] = None,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
+    verbose: Annotated[bool, typer.Option("-v", "--verbose", help="Print all figures.")] = False,
+) -> None:
+    """Cover MESH with the material of SAMPLE and write a mesh that other programs open."""
+    from btfcore.files.export import check_output
+    from btfcore.pipeline import decorate as run
+    from btfcore.pipeline import export_decorated
+    from btfcore.quilt.parameters import QuiltParameters
+
+    check_output(output)
+    for extra, suffix in ((preview, ".png"), (save_quilt, ".npz"), (report, ".json")):
+        if extra is not None:
+            check_output(extra, suffixes=(suffix,))
+    parameters = QuiltParameters(
+        scale=scale,
+        seed=seed,
+        work_patch=work_patch,
+        max_distortion=max_distortion,
+        max_seam=max_seam,
+        literal=literal,
+    )
+    with reporter(quiet=quiet) as progress:
+        done = run(
+            mesh, sample, rate=rate, parameters=parameters, guide=guide, progress=progress
+        )
+        progress(1.0, "export")
+        export_decorated(output, done, dense_shape=dense)
+        if save_quilt is not None:
+            from btfcore.files.quilt_npz import write_quilt_npz
+
+            write_quilt_npz(save_quilt, done.prepared.dense, done.prepared.field, done.quilt)
+        if preview is not None:
+            progress(1.0, "preview")
+            from app.scene import preview_decorated
+
+            preview_decorated(preview, done)
+        figures = None
+        if report is not None or verbose:
+            progress(1.0, "report")
+            from btfcore.report import run_report
+
+            figures = run_report(done)
+        if report is not None:
+            from btfcore.files.atomic import atomic_output
+
+            with atomic_output(report) as handle:
+                handle.write(json.dumps(figures, indent=1, allow_nan=False).encode())
+    if not quiet:
+        for note in done.imported.notes:
+            say(f"{mesh.name}: {note}")
+        counts = done.engine.statistics
+        say(f"{output}: {counts.patches} patches on {len(done.quilt.patch):,} vertices")
+    if verbose:
+        say(json.dumps(figures, indent=1))
+
+
+@app.command()
+def gui(
+    file: Annotated[Path | None, typer.Argument(help="Mesh to open.")] = None,
+    screenshot: Annotated[
+        Path | None, typer.Option(help="Save a picture of the window and quit.")
+    ] = None,
+    script: Annotated[
+        str | None, typer.Option(help="Drive the window by a script, for example 'demo'.")
+    ] = None,
+) -> None:
+    """Open the window, with FILE where one is given."""
+    from app.gui import run_gui
+
+    raise typer.Exit(run_gui(file, screenshot=screenshot, script=script))
+
+
+@app.command()
+def bench(
+    stage: Annotated[str, typer.Argument(help="dense or quilt.")],
+    write: Annotated[bool, typer.Option(help="Write the table into docs/benchmarks.md.")] = False,
+    quick: Annotated[bool, typer.Option(help="Fewer meshes, samples and rates.")] = False,
+) -> None:
+    """Print run time and error of a stage against its reference, in one run."""
+    from app.benches import run_bench
+
+    run_bench(stage, write=write, quick=quick)
+
+
+def main() -> None:
+    """Run the command line; a named error is one line on stderr and exit status 2."""
+    try:
+        app()
+    except PatinaError as error:
+        say(f"patina: {error}", error=True)
+        sys.exit(2)
+    except (KeyboardInterrupt, Cancelled):
+        say("patina: cancelled; nothing half-written is left", error=True)
+        sys.exit(130)

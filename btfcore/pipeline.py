@@ -1,0 +1,173 @@
+"""The verbs that command line, window and notebooks share: read, prepare, synthesise, export."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from btfcore.errors import InvalidParameter
+from btfcore.phases import PhaseClock
+from btfcore.progress import Progress, between, silent
+from btfcore.quilt.parameters import QuiltParameters
+from btfcore.types import Atlas, DenseMesh, Field, ImportReport, Mesh, Quilt, Sample
+
+if TYPE_CHECKING:
+    from btfcore.field import Guide
+    from btfcore.quilt.synthesize import Synthesizer
+
+SMALLEST_RATE, LARGEST_RATE = 16, 8192
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A mesh ready to be decorated: its atlas, dense mesh and orientation field."""
+
+    mesh: Mesh
+    atlas: Atlas
+    dense: DenseMesh
+    field: Field
+
+
+@dataclass(frozen=True, eq=False)
+class Decorated:
+    """Everything that one run made; `engine` knows the seams' statistics."""
+
+    prepared: Prepared
+    imported: ImportReport
+    sample: Sample
+    quilt: Quilt
+    engine: Synthesizer
+    clock: PhaseClock
+
+
+def load_mesh(path: str | Path, *, progress: Progress = silent) -> tuple[Mesh, ImportReport]:
+    """Read and repair a mesh file; raises `InvalidMesh` or `GuardedFailure`."""
+    from btfcore.mesh.reader import read_mesh
+
+    return read_mesh(Path(path), progress=progress)
+
+
+def load_sample(path: str | Path) -> Sample:
+    """Read a texture sample; raises `InvalidImage` or `GuardedFailure`."""
+    from btfcore.btf.image import read_image
+
+    return read_image(Path(path))
+
+
+def load_both(
+    mesh: str | Path, sample: str | Path, *, progress: Progress = silent
+) -> tuple[Mesh, ImportReport, Sample]:
+    """Read mesh and sample at the same time, each in its own guarded process."""
+    with ThreadPoolExecutor(1) as pool:
+        picture = pool.submit(load_sample, sample)
+        loaded, report = load_mesh(mesh, progress=progress)
+        return loaded, report, picture.result()
+
+
+def prepare(
+    mesh: Mesh,
+    *,
+    rate: int = 512,
+    guide: Guide | None = None,
+    progress: Progress = silent,
+    clock: PhaseClock | None = None,
+) -> Prepared:
+    """Atlas, watertight dense mesh of side `rate` and orientation field of `mesh`."""
+    from btfcore.dense.atlas import build_atlas
+    from btfcore.dense.build import build_dense_mesh
+    from btfcore.field import orientation_field
+
+    if not SMALLEST_RATE <= rate <= LARGEST_RATE:
+        raise InvalidParameter(f"rate is {rate}, outside {SMALLEST_RATE} … {LARGEST_RATE}")
+    clock = clock if clock is not None else PhaseClock()
+    with clock.phase("atlas"):
+        atlas = build_atlas(mesh, rate=rate, progress=between(progress, 0.0, 0.7))
+    with clock.phase("dense"):
+        dense = build_dense_mesh(atlas, progress=between(progress, 0.7, 0.85))
+    with clock.phase("field"):
+        field = orientation_field(dense, mesh, guide=guide, progress=between(progress, 0.85, 1.0))
+    return Prepared(mesh, atlas, dense, field)
+
+
+def synthesizer(prepared: Prepared, sample: Sample, parameters: QuiltParameters) -> Synthesizer:
+    """Return the quilting engine for a prepared mesh; call its `run`."""
+    from btfcore.quilt.synthesize import Synthesizer
+
+    return Synthesizer(prepared.dense, prepared.field, sample, parameters)
+
+
+def synthesize(
+    prepared: Prepared,
+    sample: Sample,
+    *,
+    parameters: QuiltParameters | None = None,
+    progress: Progress = silent,
+    on_update: Callable[[Quilt], None] | None = None,
+) -> tuple[Quilt, Synthesizer]:
+    """Cover the prepared mesh with `sample`; partial quilts go to `on_update`."""
+    engine = synthesizer(prepared, sample, parameters or QuiltParameters())
+    return engine.run(progress=progress, on_update=on_update), engine
+
+
+def decorate(
+    mesh: str | Path,
+    sample: str | Path,
+    *,
+    rate: int = 512,
+    parameters: QuiltParameters | None = None,
+    guide: str | Path | None = None,
+    progress: Progress = silent,
+) -> Decorated:
+    """From two files to a finished quilt; every phase is measured."""
+    clock = PhaseClock()
+    vectors = None
+    with clock.phase("import"):
+        if guide is not None:
+            from btfcore.field import read_guide
+
+            vectors = read_guide(Path(guide))
+        loaded, imported, picture = load_both(
+            mesh, sample, progress=between(progress, 0.0, 0.12)
+        )
+    prepared = prepare(
+        loaded, rate=rate, guide=vectors, progress=between(progress, 0.12, 0.45), clock=clock
+    )
+    with clock.phase("quilt"):
+        quilt, engine = synthesize(
+            prepared, picture, parameters=parameters, progress=between(progress, 0.45, 1.0)
+        )
+    return Decorated(prepared, imported, picture, quilt, engine, clock)
+
+
+def export_decorated(
+    path: str | Path, done: Decorated, *, dense_shape: bool = False, progress: Progress = silent
+) -> tuple[Path, ...]:
+    """Write the decorated mesh as .glb, .obj or .ply; the phase is measured as "export"."""
+    with done.clock.phase("export"):
+        return export(
+            path, done.prepared, done.quilt, done.sample,
+            dense_shape=dense_shape, progress=progress,
+        )  # fmt: skip
+
+
+def export(
+    path: str | Path,
+    prepared: Prepared,
+    quilt: Quilt,
+    sample: Sample,
+    *,
+    dense_shape: bool = False,
+    progress: Progress = silent,
+) -> tuple[Path, ...]:
+    """Write a quilt's colours on the input mesh's shape, or on the dense mesh's."""
+    from btfcore.files.export import export as write
+    from btfcore.render.texture import vertex_colours
+
+    colours = vertex_colours(quilt, [sample])
+    return write(
+        Path(path), prepared.mesh, prepared.atlas, prepared.dense, colours,
+        dense_shape=dense_shape, progress=progress,
+    )  # fmt: skip
