@@ -10,6 +10,7 @@ from __future__ import annotations
 import importlib
 import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -44,30 +45,39 @@ def run_guarded(
 
     The function takes ``(arrays, options)`` and returns the same pair of dictionaries; the
     values of `options` are JSON. A `PatinaError` raised in the child is raised here again;
-    a crash, a time-out (`limit_s` seconds) or too much memory (`limit_mb` MiB of address
-    space, POSIX only) raises `GuardedFailure`. Cancelling through `progress` kills the child.
+    a crash, a time-out (`limit_s` seconds), too much memory (`limit_mb` MiB of address
+    space, POSIX only) or no room for the temporary files raises `GuardedFailure`, which names
+    `label`. Cancelling through `progress` kills the child; a child whose parent was killed
+    ends when it has used up `limit_s` on every core.
     """
     if not task.startswith("btfcore."):
         raise ValueError(f"guarded task {task!r} lies outside btfcore")
-    with tempfile.TemporaryDirectory(prefix="patina-") as name:
-        folder = Path(name)
-        np.savez(folder / "in.npz", **{f"_{key}": value for key, value in arrays.items()})
-        job = {"task": task, "options": dict(options), "limit_mb": limit_mb}
-        (folder / "in.json").write_text(json.dumps(job), encoding="utf-8")
-        _watch(folder, task, limit_s, progress, label)
-        return _result(folder, task)
+    progress(0.0, label)
+    try:
+        with tempfile.TemporaryDirectory(prefix="patina-") as name:
+            folder = Path(name)
+            np.savez(folder / "in.npz", **{f"_{key}": value for key, value in arrays.items()})
+            job = {"task": task, "options": dict(options), "limit_mb": limit_mb}
+            job["limit_s"] = limit_s
+            (folder / "in.json").write_text(json.dumps(job), encoding="utf-8")
+            _watch(folder, limit_s, progress, label)
+            return _result(folder, label)
+    except OSError as error:
+        reason = f"{label}: the helper process could not be served: {error}"
+        raise errors.GuardedFailure(reason) from error
 
 
-def _watch(folder: Path, task: str, limit_s: float, progress: Progress, label: str) -> None:
+def _watch(folder: Path, limit_s: float, progress: Progress, label: str) -> None:
     """Start the child and wait for it, listening to `progress`; kill it when it must stop."""
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     with (folder / "log").open("wb") as log:
         child = subprocess.Popen(
-            [sys.executable, "-c", _BOOT, _ROOT, str(folder)],
+            [sys.executable, "-P", "-c", _BOOT, _ROOT, str(folder)],
             stdin=subprocess.DEVNULL,
             stdout=log,
             stderr=log,
             env=environment,
+            start_new_session=True,  # Ctrl-C reaches the parent, which decides
         )
         start = time.monotonic()
         try:
@@ -79,7 +89,7 @@ def _watch(folder: Path, task: str, limit_s: float, progress: Progress, label: s
                     spent = time.monotonic() - start
                     if spent > limit_s:
                         raise errors.GuardedFailure(
-                            f"{task} ran longer than {limit_s:g} s and was stopped"
+                            f"{label} took longer than {limit_s:g} s and was stopped"
                         ) from None
                     progress(min(spent / limit_s, 0.99), label)
         finally:
@@ -87,32 +97,44 @@ def _watch(folder: Path, task: str, limit_s: float, progress: Progress, label: s
                 child.kill()
                 child.wait()
     if child.returncode != 0:
-        tail = (folder / "log").read_bytes()[-400:].decode("utf-8", "replace").strip()
-        last = tail.splitlines()[-1] if tail else "no message"
-        raise errors.GuardedFailure(f"{task} ended with exit status {child.returncode}: {last}")
+        raise errors.GuardedFailure(f"{label} failed: {_epitaph(folder, child.returncode)}")
 
 
-def _result(folder: Path, task: str) -> tuple[Arrays, Options]:
+def _epitaph(folder: Path, status: int) -> str:
+    """Say how the child died, with the last line that it said itself."""
+    with (folder / "log").open("rb") as log:
+        log.seek(0, os.SEEK_END)
+        log.seek(max(0, log.tell() - 400))
+        tail = log.read().decode("utf-8", "replace").strip()
+    last = tail.splitlines()[-1] if tail else "no message"
+    if status < 0:
+        return f"the helper process was ended by {signal.Signals(-status).name}: {last}"
+    return f"the helper process ended with exit status {status}: {last}"
+
+
+def _result(folder: Path, label: str) -> tuple[Arrays, Options]:
     """Read what the child left, raising its error again where there was one."""
     try:
         answer = json.loads((folder / "out.json").read_text(encoding="utf-8"))
+        if "error" not in answer:
+            with np.load(folder / "out.npz", allow_pickle=False) as stored:
+                return {key[1:]: stored[key] for key in stored.files}, answer["options"]
     except (OSError, ValueError) as error:
-        raise errors.GuardedFailure(f"{task} ended without an answer") from error
-    if "error" in answer:
-        kind = getattr(errors, answer["error"], errors.GuardedFailure)
-        raise kind(answer["message"])
-    with np.load(folder / "out.npz", allow_pickle=False) as stored:
-        return {key[1:]: stored[key] for key in stored.files}, answer["options"]
+        raise errors.GuardedFailure(f"{label} ended without an answer: {error}") from error
+    kind = getattr(errors, answer["error"], errors.GuardedFailure)
+    raise kind(answer["message"])
 
 
-def _limit_memory(limit_mb: int) -> None:
-    """Cap the address space where the system can."""
+def _set_limits(limit_mb: int, limit_s: float) -> None:
+    """Cap the address space, processor time and core dumps where the system can."""
     try:
         import resource
     except ImportError:  # Windows has no resource module
         return
     if sys.platform == "linux":  # macOS ignores or refuses RLIMIT_AS
         resource.setrlimit(resource.RLIMIT_AS, (limit_mb << 20, limit_mb << 20))
+    seconds = int(limit_s * (os.cpu_count() or 1)) + 5
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
@@ -120,7 +142,7 @@ def _child() -> None:
     """Entry of the child process: run the task found in the folder named by argv[2]."""
     folder = Path(sys.argv[2])
     job = json.loads((folder / "in.json").read_text(encoding="utf-8"))
-    _limit_memory(int(job["limit_mb"]))
+    _set_limits(int(job["limit_mb"]), float(job["limit_s"]))
     module, _, name = job["task"].partition(":")
     if not module.startswith("btfcore."):
         raise SystemExit(f"task {job['task']!r} lies outside btfcore")
@@ -134,6 +156,6 @@ def _child() -> None:
     except errors.PatinaError as error:
         answer = {"error": type(error).__name__, "message": str(error)}
     except MemoryError:
-        text = f"{job['task']} needs more than {job['limit_mb']} MiB of memory"
+        text = f"more than {job['limit_mb']} MiB of memory would be needed"
         answer = {"error": "GuardedFailure", "message": text}
     (folder / "out.json").write_text(json.dumps(answer), encoding="utf-8")
