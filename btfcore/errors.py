@@ -21,6 +21,10 @@ class InvalidParameter(PatinaError):
     """A knob outside its range."""
 
 
+class InvalidQuilt(PatinaError):
+    """A stored quilting map that cannot be read or contradicts itself."""
+
+
 class AtlasFailed(PatinaError):
     """No atlas could be made, even by the fallbacks."""
 
