@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from btfcore.errors import InvalidMesh
+from btfcore.mesh.duplicates import drop_repeated
 from btfcore.mesh.slivers import flat_faces, flip_caps
 from btfcore.mesh.split import split_nonmanifold
 from btfcore.mesh.topology import edges, is_manifold
@@ -29,7 +30,7 @@ def repair(vertices: ArrayLike, faces: ArrayLike) -> tuple[Mesh, tuple[str, ...]
     degenerate, duplicated, wound at random and crowded around edges. The result is manifold
     with coherent winding, every position merged where that keeps it manifold, closed
     components turned outward, borders kept, no face lower than 1e-12 of the extent and no
-    vertex without a face. Notes are sentences with the number of each thing mended.
+    vertex without a face. Notes name each thing mended and its number.
 
     Raises `InvalidMesh` where faces name vertices that do not exist, no face of positive area
     is left, the extent lies outside 1e-12 … 1e12, or the mesh lies so far from the origin
@@ -43,13 +44,13 @@ def repair(vertices: ArrayLike, faces: ArrayLike) -> tuple[Mesh, tuple[str, ...]
     tolerance = _FLAT * _extent(points[triangles.reshape(-1)])
     points, triangles = weld(points, triangles)
     triangles, merged = collapse_short_edges(points, triangles, tolerance)
-    _note(notes, merged, "merged {} vertices at the ends of edges without length")
-    triangles = _without_repeats(triangles, notes)
+    _note(notes, merged, "merged vertices at the ends of edges without length")
+    points, triangles = _compact(points, _without_repeats(triangles, notes))
     triangles, reversed_count = agree(triangles)
-    _note(notes, reversed_count, "reversed {} faces to agree with their neighbours")
+    _note(notes, reversed_count, "faces reversed to agree with their neighbours")
     points, triangles = _manifold(points, triangles, tolerance, notes)
     triangles, turned = outward(points, triangles)
-    _note(notes, turned, "turned {} closed components outward")
+    _note(notes, turned, "closed components turned outward")
     _recheck(points, triangles, tolerance)
     return Mesh(points, triangles), tuple(notes)
 
@@ -73,7 +74,7 @@ def _checked(vertices: ArrayLike, faces: ArrayLike) -> tuple[F8, I4]:
 def _without_nonfinite(points: F8, triangles: I4, notes: list[str]) -> I4:
     finite = np.isfinite(points).all(axis=1)
     kept = triangles[finite[triangles].all(axis=1)]
-    _note(notes, len(triangles) - len(kept), "dropped {} faces with corners that are not finite")
+    _note(notes, len(triangles) - len(kept), "dropped faces with corners that are not finite")
     return kept
 
 
@@ -97,18 +98,16 @@ def _extent(points: F8) -> float:
 
 
 def _without_repeats(triangles: I4, notes: list[str]) -> I4:
-    """Drop faces that name a vertex twice, and all but the first on the same three vertices."""
+    """Drop faces that name a vertex twice, and duplicates."""
     proper = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
     kept = triangles[proper]
-    _note(notes, len(triangles) - len(kept), "dropped {} faces whose corners coincide")
+    _note(notes, len(triangles) - len(kept), "dropped faces whose corners coincide")
     if len(kept) == 0:
         raise InvalidMesh("no triangle is left: all faces have zero area")
-    order = np.lexsort(np.sort(kept, axis=1).T)
-    ordered = np.sort(kept[order], axis=1)
-    repeated = np.zeros(len(kept), bool)
-    repeated[order[1:]] = (ordered[1:] == ordered[:-1]).all(axis=1)
-    _note(notes, int(repeated.sum()), "dropped {} duplicate faces")
-    return kept[~repeated]
+    kept, copies, folded = drop_repeated(kept)
+    _note(notes, copies, "dropped duplicate faces")
+    _note(notes, folded, "dropped faces of folds without thickness")
+    return kept
 
 
 def _manifold(points: F8, triangles: I4, tolerance: float, notes: list[str]) -> tuple[F8, I4]:
@@ -129,10 +128,10 @@ def _manifold(points: F8, triangles: I4, tolerance: float, notes: list[str]) -> 
         if len(triangles) == 0:
             raise InvalidMesh("no triangle is left: all faces have zero area")
         points, triangles = _compact(points, triangles)
-    _note(notes, extra, f"split off {{}} vertices at {crowded} edges of more than two faces"
-          " and at corners where surfaces merely touch")  # fmt: skip
-    _note(notes, flipped, "flipped {} edges of faces without area")
-    _note(notes, dropped, "dropped {} faces without area")
+    _note(notes, crowded, "edges of more than two faces taken apart")
+    _note(notes, extra, "vertices split where surfaces merely touch")
+    _note(notes, flipped, "edges flipped at faces without area")
+    _note(notes, dropped, "dropped faces without area")
     return points, triangles
 
 
@@ -153,6 +152,6 @@ def _recheck(points: F8, triangles: I4, tolerance: float) -> None:
         raise InvalidMesh(f"{flat} faces without area cannot be removed")
 
 
-def _note(notes: list[str], count: int, sentence: str) -> None:
+def _note(notes: list[str], count: int, what: str) -> None:
     if count:
-        notes.append(sentence.format(count))
+        notes.append(f"{what}: {count:,}")

@@ -89,15 +89,24 @@ def _pair_wedges(vertices: F8, faces: I4, twin: I4) -> None:
 
 @njit(cache=True)
 def _pair_in_turn(twin: I4, half_edges: I4, low: I4, high: I4, forward: I4) -> None:
-    """Per edge, walk the faces by angle: a backward one pairs with a forward one after it."""
+    """Per edge, match the faces by angle like brackets: backward opens, forward closes."""
+    opened = np.empty(len(half_edges), np.int64)
     first = 0
     while first < len(half_edges):
         stop = first + 1
         while stop < len(half_edges) and low[stop] == low[first] and high[stop] == high[first]:
             stop += 1
-        for place in range(first, stop):
-            after = place + 1 if place + 1 < stop else first
-            if not forward[place] and forward[after]:
-                twin[half_edges[place]] = half_edges[after]
-                twin[half_edges[after]] = half_edges[place]
+        depth = 0
+        for step in range(2 * (stop - first)):  # twice around: wedges may span the start
+            place = first + step % (stop - first)
+            if twin[half_edges[place]] >= 0:
+                continue
+            if not forward[place]:
+                if step < stop - first:
+                    opened[depth] = half_edges[place]
+                    depth += 1
+            elif depth:
+                depth -= 1
+                twin[opened[depth]] = half_edges[place]
+                twin[half_edges[place]] = opened[depth]
         first = stop
