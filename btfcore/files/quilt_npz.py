@@ -78,7 +78,7 @@ def read_quilt_npz(path: str | Path) -> StoredQuilt:
         with zipfile.ZipFile(path) as archive:
             _check_members(archive, path)
             arrays = {name: _read_member(archive, name, path) for name in _ARRAYS}
-    except (OSError, zipfile.BadZipFile, ValueError, NotImplementedError, EOFError) as error:
+    except (OSError, zipfile.BadZipFile, ValueError, RuntimeError, EOFError) as error:
         raise InvalidQuilt(f"cannot read {path}: {error}") from error
     _check_values(arrays, path)
     return StoredQuilt(**arrays)
