@@ -85,9 +85,7 @@ def decorate(
         literal=literal,
     )
     with reporter(quiet=quiet) as progress:
-        done = run(
-            mesh, sample, rate=rate, parameters=parameters, guide=guide, progress=progress
-        )
+        done = run(mesh, sample, rate=rate, parameters=parameters, guide=guide, progress=progress)
         progress(1.0, "export")
         export_decorated(output, done, dense_shape=dense)
         if save_quilt is not None:

@@ -129,9 +129,7 @@ def decorate(
             from btfcore.field import read_guide
 
             vectors = read_guide(Path(guide))
-        loaded, imported, picture = load_both(
-            mesh, sample, progress=between(progress, 0.0, 0.12)
-        )
+        loaded, imported, picture = load_both(mesh, sample, progress=between(progress, 0.0, 0.12))
     prepared = prepare(
         loaded, rate=rate, guide=vectors, progress=between(progress, 0.12, 0.45), clock=clock
     )

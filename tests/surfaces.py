@@ -67,7 +67,9 @@ def sphere(level=5, radius=1.0):
     """Subdivided icosahedron."""
     golden = (1 + 5**0.5) / 2
     points = [(-1, golden, 0), (1, golden, 0), (-1, -golden, 0), (1, -golden, 0)]
-    points = np.array(points + [(z, x, y) for x, y, z in points] + [(y, z, x) for x, y, z in points])
+    points = np.array(
+        points + [(z, x, y) for x, y, z in points] + [(y, z, x) for x, y, z in points]
+    )
     from scipy.spatial import ConvexHull
 
     faces = ConvexHull(points).simplices

@@ -9,9 +9,7 @@ from btfcore.types import I4
 
 
 @njit(cache=True)
-def grow(
-    indptr: I4, indices: I4, seed: int, levels: int, local: I4, limit: int
-) -> tuple[I4, I4]:
+def grow(indptr: I4, indices: I4, seed: int, levels: int, local: I4, limit: int) -> tuple[I4, I4]:
     """Grow the breadth-first disk of `levels` levels around `seed`.
 
     local : (N,) i4, -1 everywhere on entry; on return the position of every reached vertex

@@ -45,14 +45,16 @@ class Frontier:
             self._next += 1
         return -1
 
-    def ahead(self, vertex: int, levels: int) -> tuple[int, int]:
+    def ahead(self, vertex: int, levels: int) -> tuple[int, int, int]:
         """A bare vertex `levels` levels into the bare part, near `vertex`.
 
-        Also returns how many bare vertices lie near, counting no further than 2·levels levels.
+        Also returns how many levels it came, and how many bare vertices lie near, counting no
+        further than 2·levels levels (and at least 8).
         """
-        return _ahead(
+        best, depth, near = _ahead(
             self._indptr, self._indices, self._patch, self._filled, vertex, levels
-        )  # type: ignore[no-any-return]
+        )
+        return int(best), int(depth), int(near)
 
 
 @njit(cache=True)
@@ -96,7 +98,7 @@ def _ahead(indptr, indices, patch, filled, vertex, levels):  # type: ignore[no-u
     while head < len(queue):
         here = queue[head]
         head += 1
-        if seen[here] >= 2 * levels:
+        if seen[here] >= max(2 * levels, 8):
             continue
         for slot in range(indptr[here], indptr[here + 1]):
             other = indices[slot]
@@ -115,9 +117,7 @@ def _ahead(indptr, indices, patch, filled, vertex, levels):  # type: ignore[no-u
     while head < len(order):
         here = order[head]
         head += 1
-        if depth[here] > depth[best] or (
-            depth[here] == depth[best] and seen[here] < seen[best]
-        ):
+        if depth[here] > depth[best] or (depth[here] == depth[best] and seen[here] < seen[best]):
             best = here
         if depth[here] >= levels:
             continue
@@ -126,4 +126,4 @@ def _ahead(indptr, indices, patch, filled, vertex, levels):  # type: ignore[no-u
             if other in seen and other not in depth:
                 depth[other] = depth[here] + 1
                 order.append(other)
-    return best, len(queue)
+    return best, depth[best], len(queue)

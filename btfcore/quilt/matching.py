@@ -16,6 +16,7 @@ from numba import njit
 from btfcore.quilt.grid import SampleGrid
 from btfcore.types import F4, F8
 
+LARGE = 320  # samples wider than this are matched on block means first, then refined
 RELAXED = ((0.4, 16.0), (0.2, 4.0), (0.02, 2.0), (0.0, 0.0))
 
 
@@ -36,13 +37,17 @@ class Matcher:
         """Prepare for `grid`; `workers` threads transform the channels of one image."""
         self.grid = grid
         self.workers = workers
+        self.factor = 1 if min(grid.match.shape[:2]) <= LARGE else 2
+        if min(grid.match.shape[:2]) > 2 * LARGE:
+            self.factor = 4
+        self._match = _reduced(grid.match, self.factor)
         self._spectra: dict[tuple[int, int], tuple[F4, F4]] = {}
 
     def _sample_spectra(self, shape: tuple[int, int]) -> tuple[F4, F4]:
         if shape not in self._spectra:
             if len(self._spectra) > 24:  # one per patch size; bounded all the same
                 self._spectra.clear()
-            match = np.moveaxis(self.grid.match, -1, 0)
+            match = np.moveaxis(self._match, -1, 0)
             power = (match.astype(np.float64) ** 2).sum(axis=0).astype(np.float32)
             self._spectra[shape] = (
                 scipy.fft.rfft2(match, shape, workers=self.workers),
@@ -53,16 +58,17 @@ class Matcher:
     def costs(self, image: F4, mask: F4) -> tuple[F8, F8]:
         """Mean SSD and overlap count for the patch's centre at every texel of the sample.
 
-        image (k, w, w) f4, zero where `mask` (w, w) is zero. Returns two (h, w') f8 arrays.
+        image (k, w, w) f4; mask (w, w) f4: weight of every pixel, 0 where unknown. On the
+        reduced grid where the sample is large. Returns two (h, w') f8 arrays.
         """
-        height, width = self.grid.match.shape[:2]
+        height, width = self._match.shape[:2]
         half = mask.shape[0] // 2
         shape = (
             scipy.fft.next_fast_len(height + half, real=True),
             scipy.fft.next_fast_len(width + half, real=True),
         )
         spectra, power = self._sample_spectra(shape)
-        image_hat = scipy.fft.rfft2(image, shape, workers=self.workers)
+        image_hat = scipy.fft.rfft2(image * mask, shape, workers=self.workers)
         mask_hat = scipy.fft.rfft2(mask, shape, workers=self.workers)
         mixed = np.conj(mask_hat) * power - 2 * (np.conj(image_hat) * spectra).sum(axis=0)
         crossed = scipy.fft.irfft2(mixed, shape, workers=self.workers)
@@ -70,8 +76,9 @@ class Matcher:
         columns = (np.arange(width) - half) % shape[1]
         ssd = crossed[np.ix_(rows, columns)].astype(np.float64)
         count = _window_sums(mask, height, width)
-        ssd += _window_sums((image.astype(np.float64) ** 2).sum(axis=0), height, width)
-        return np.maximum(ssd, 0.0) / np.maximum(count, 1.0), count
+        power_here = (image.astype(np.float64) ** 2).sum(axis=0) * mask
+        ssd += _window_sums(power_here, height, width)
+        return np.maximum(ssd, 0.0) / np.maximum(count, 1e-3), count
 
     def match(
         self, image: F4, mask: F4, *, most: int, overlap: float, margin: float
@@ -81,20 +88,85 @@ class Matcher:
         A placement must cover the share `overlap` of the mask and keep the centre `margin`
         texels inside the sample; where none can, both are relaxed step by step.
         """
-        costs, count = self.costs(image, mask)
-        total = float(mask.sum())
+        factor = self.factor
+        if factor > 1:
+            small, weight = _reduced_image(image, mask, factor)
+            costs, count = self.costs(small, weight)
+            total = float(weight.sum())
+        else:
+            costs, count = self.costs(image, mask)
+            total = float(mask.sum())
         height, width = costs.shape
         # a bound that any texel of a small sample can meet
         room = 0.4 * (min(height, width) - 1)
         for share, inside in ((overlap, margin), *RELAXED):
-            edge = int(min(inside, room))
-            allowed = count >= max(share * total, 1.0)
+            edge = int(min(inside / factor, room))
+            allowed = count >= max(share * total, min(1.0, total))
             allowed[:edge], allowed[:, :edge] = False, False
             allowed[height - edge :], allowed[:, width - edge :] = False, False
             found = local_minima(costs, allowed, most)
+            if len(found) and factor > 1:
+                found, exact = refine(self.grid.match, image, mask, found * factor, factor)
+                return [
+                    Placement(float(c), float(r), float(e))
+                    for (r, c), e in sorted(
+                        zip(found.tolist(), exact, strict=True), key=lambda pair: pair[1]
+                    )
+                ]
             if len(found):
                 return [Placement(float(c), float(r), float(costs[r, c])) for r, c in found]
         return []
+
+
+def _reduced(values: F4, factor: int) -> F4:
+    """Means of factor × factor blocks of (h, w, k); an incomplete last block is left out."""
+    if factor == 1:
+        return values
+    height, width = values.shape[0] // factor, values.shape[1] // factor
+    blocks = values[: height * factor, : width * factor].reshape(
+        height, factor, width, factor, values.shape[2]
+    )
+    return np.ascontiguousarray(blocks.mean(axis=(1, 3), dtype=np.float64), np.float32)
+
+
+def _reduced_image(image: F4, mask: F4, factor: int) -> tuple[F4, F4]:
+    """Block means of the known pixels, and how many pixels each block knows."""
+    pad = -mask.shape[0] % factor
+    weight = np.pad(mask, (0, pad))
+    known = np.pad(image, ((0, 0), (0, pad), (0, pad))) * weight
+    side = weight.shape[0] // factor
+    count = weight.reshape(side, factor, side, factor).sum(axis=(1, 3))
+    total = known.reshape(len(image), side, factor, side, factor).sum(axis=(2, 4))
+    return (total / np.maximum(count, 1.0)).astype(np.float32), count.astype(np.float32)
+
+
+@njit(cache=True)
+def refine(match, image, mask, centres, reach):  # type: ignore[no-untyped-def]
+    """Best centre (row, column) within `reach` of each of `centres`, and its mean SSD."""
+    height, width, channels = match.shape
+    half = mask.shape[0] // 2
+    rows, columns = np.nonzero(mask)
+    stride = max(len(rows) // 3000, 1)  # the ranking of near placements needs no more pixels
+    best = centres.copy()
+    cost = np.full(len(centres), np.inf)
+    for index in range(len(centres)):
+        for row in range(centres[index, 0] - reach, centres[index, 0] + reach + 1):
+            for column in range(centres[index, 1] - reach, centres[index, 1] + reach + 1):
+                if row < 0 or column < 0 or row >= height or column >= width:
+                    continue
+                total, count = 0.0, 0
+                for pixel in range(0, len(rows), stride):
+                    r = row + rows[pixel] - half
+                    c = column + columns[pixel] - half
+                    if r < 0 or c < 0 or r >= height or c >= width:
+                        continue
+                    for k in range(channels):
+                        total += (image[k, rows[pixel], columns[pixel]] - match[r, c, k]) ** 2
+                    count += 1
+                if count > 0 and total / count < cost[index]:
+                    cost[index] = total / count
+                    best[index, 0], best[index, 1] = row, column
+    return best, cost
 
 
 def _window_sums(values: F4 | F8, height: int, width: int) -> F8:

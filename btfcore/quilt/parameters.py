@@ -20,7 +20,7 @@ class QuiltParameters:
         difference; None keeps the best of the placements tried without a bound.
     placements : candidate placements that are cut, the cheapest being kept.
     swing : orientations of the sample tried around the field's, in degrees.
-    ahead : how many levels ahead of the frontier a patch is centred.
+    ahead : how many levels ahead of the frontier a patch is centred; None: half of r_w.
     band : width in levels of the overlap that may be cut.
     overlap : share of the known part of the work image that a placement must cover.
     margin : distance in texels of the patch's centre to the sample's border.
@@ -35,7 +35,7 @@ class QuiltParameters:
     max_seam: float | None = None
     placements: int = 3
     swing: tuple[float, ...] = (0.0,)
-    ahead: int = 8
+    ahead: int | None = None
     band: int = 20
     overlap: float = 0.8
     margin: float = 24.0

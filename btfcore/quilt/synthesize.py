@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from btfcore.patch.connectivity import Connectivity, connect
 from btfcore.patch.distortion import field_directions
-from btfcore.patch.flatten import SMALLEST, Flattener, FlatPatch
+from btfcore.patch.flatten import SHRINK, SMALLEST, Flattener, FlatPatch
 from btfcore.patch.resample import look_up, work_image
 from btfcore.progress import Progress, silent
 from btfcore.quilt.fitting import Cut, fit
@@ -125,14 +125,10 @@ class Synthesizer:
 
     def _patch_at(self, vertex: int) -> int:
         """Synthesise one patch near `vertex`; returns how many bare vertices it covered."""
-        radius, seed = self.radius, vertex
-        if not self.parameters.literal:
-            seed, near = self._frontier.ahead(vertex, self.parameters.ahead)
-            if near < FEW_BARE:
-                seed, radius = vertex, min(radius, 12)
         best: _Candidate | None = None
+        patch = self._first_patch(vertex)
+        seed = int(patch.order[0])
         while True:
-            patch = self._flattener.flatten(seed, radius)
             candidate = self._best_candidate(patch)
             bound = self.parameters.max_seam
             enough = bound is None or candidate.seam <= bound or patch.radius <= SMALLEST
@@ -141,7 +137,7 @@ class Synthesizer:
             if enough:
                 break
             self._flattener.release(patch)
-            radius = max(int(patch.radius * 0.8), SMALLEST)
+            patch = self._flattener.flatten(seed, max(int(patch.radius * SHRINK), SMALLEST))
             self.statistics.shrinks += 1
         if best is not candidate:  # no size met T_c: take the best one seen
             self._flattener.release(patch)
@@ -158,6 +154,26 @@ class Synthesizer:
         self.statistics.shrinks += patch.shrinks
         return len(was_bare)
 
+    def _first_patch(self, vertex: int) -> FlatPatch:
+        """The work patch that is to cover `vertex`, seeded ahead of the frontier.
+
+        A patch that had to shrink is seeded anew, nearer, lest it lose touch with the part
+        that it must continue.
+        """
+        if self.parameters.literal:
+            return self._flattener.flatten(vertex, self.radius)
+        ahead = self.parameters.ahead
+        ahead = self.radius // 2 if ahead is None else ahead
+        seed, depth, near = self._frontier.ahead(vertex, ahead)
+        if near < FEW_BARE:
+            return self._flattener.flatten(vertex, min(self.radius, 12))
+        patch = self._flattener.flatten(seed, self.radius)
+        if depth > 0 and patch.shrinks and patch.radius < depth + 4:
+            self._flattener.release(patch)
+            seed, _, _ = self._frontier.ahead(vertex, min(ahead, patch.radius // 2))
+            patch = self._flattener.flatten(seed, self.radius)
+        return patch
+
     def _best_candidate(self, patch: FlatPatch) -> _Candidate:
         """Match and cut; the cheapest of the placements tried."""
         net, local = self.net, self._flattener.local
@@ -166,8 +182,7 @@ class Synthesizer:
         )
         direction = turn[:, 0] + 1j * turn[:, 1]
         bare = self.state.patch[patch.order[: patch.inner]] < 0
-        mean = complex(direction[bare].sum())
-        mean = mean / abs(mean) if abs(mean) > 1e-9 else complex(direction[0])
+        mean = _median_direction(direction[bare], direction[0])
         plane = (patch.plane[:, 0] + 1j * patch.plane[:, 1]) * mean.conjugate()
         heading = float(np.angle(mean))
         best: _Candidate | None = None
@@ -241,6 +256,25 @@ class Synthesizer:
         reach = float(np.abs(point).max()) if len(point) else 0.0
         most = max(self.grid.cut.shape[:2])
         return int(min(-(-(reach + 1) // 4) * 4, -(-most // 4) * 4))
+
+
+def _median_direction(directions: C16, fallback: complex) -> complex:
+    """Unit direction with the least mean angle to `directions` (Weiszfeld's iteration).
+
+    The field's turns inside a patch are what its texture must ignore; their median leaves
+    more vertices near their own direction than the mean does.
+    """
+    mean = complex(directions.sum())
+    if abs(mean) < 1e-9:
+        return complex(fallback)
+    mean /= abs(mean)
+    for _ in range(4):
+        weight = 1.0 / np.maximum(np.abs(np.angle(directions * mean.conjugate())), 0.02)
+        shifted = complex((directions * weight).sum())
+        if abs(shifted) < 1e-9:
+            break
+        mean = shifted / abs(shifted)
+    return mean
 
 
 def synthesize(

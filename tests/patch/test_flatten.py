@@ -34,7 +34,9 @@ def length_error(net, order, local, points):
 def test_adjacency_is_the_set_of_edges():
     faces = sphere(2).faces
     indptr, indices = adjacency(faces, int(faces.max()) + 1)
-    pairs = {tuple(p) for p in np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])}
+    pairs = {
+        tuple(p) for p in np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    }
     pairs |= {(b, a) for a, b in pairs}
     rows = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr))
     assert {(int(a), int(b)) for a, b in zip(rows, indices, strict=True)} == pairs

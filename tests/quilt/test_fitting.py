@@ -116,9 +116,7 @@ def test_cut_is_the_cheapest_of_all_labellings(seed):
     scores = {}
     for labels in itertools.product((False, True), repeat=len(free)):
         new = always | {v for v, chosen in zip(free, labels, strict=True) if chosen}
-        scores[frozenset(new)] = energy(
-            new, net, grid, patch, source, ghost, place, tails, reached
-        )
+        scores[frozenset(new)] = energy(new, net, grid, patch, source, ghost, place, tails, reached)
     mine = frozenset(int(v) for v in order[:inner][cut.fresh])
     best = min(scores.values())
     assert scores[mine] == pytest.approx(best, abs=1e-5)

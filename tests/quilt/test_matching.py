@@ -51,7 +51,9 @@ def test_a_piece_of_the_sample_is_found_where_it_was_cut():
 def test_margins_are_relaxed_until_something_fits():
     grid = sample_grid(blobs(12, 12))
     mask = np.ones((41, 41), np.float32)
-    found = Matcher(grid).match(np.zeros((3, 41, 41), np.float32), mask, most=2, overlap=0.9, margin=24)
+    found = Matcher(grid).match(
+        np.zeros((3, 41, 41), np.float32), mask, most=2, overlap=0.9, margin=24
+    )
     assert found
 
 
@@ -120,3 +122,17 @@ def test_a_sample_too_small_to_quilt_is_named():
         sample_grid(Sample("dot", dot, dot))
     with pytest.raises(InvalidImage, match="scale 0.05"):
         sample_grid(blobs(20, 20), scale=0.05)
+
+
+def test_large_samples_are_matched_on_means_and_refined_exactly():
+    grid = sample_grid(blobs(400, 400, seed=9))
+    matcher = Matcher(grid)
+    assert matcher.factor == 2
+    mask = np.zeros((81, 81), np.float32)
+    mask[3:70, 5:44] = 1
+    piece = np.moveaxis(grid.match[151 - 40 : 151 + 41, 238 - 40 : 238 + 41], -1, 0) * mask
+    best = matcher.match(piece.astype(np.float32), mask, most=3, overlap=0.8, margin=24)
+    assert (best[0].row, best[0].column) == (151, 238)
+    assert best[0].cost < 1e-6
+    cost, _ = brute(grid.match, piece, mask, int(best[1].row), int(best[1].column))
+    assert best[1].cost == pytest.approx(cost, rel=1e-3)

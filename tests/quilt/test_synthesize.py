@@ -51,9 +51,7 @@ def test_a_sphere_is_covered_isometrically_along_its_field(literal):
 @pytest.mark.parametrize("scale", [0.5, 1.0, 3.0])
 def test_scale_sets_the_pattern_size(scale):
     dense = plane(70, 70)
-    quilt, _ = synthesize(
-        dense, constant_field(dense), blobs(64, 64), QuiltParameters(scale=scale)
-    )
+    quilt, _ = synthesize(dense, constant_field(dense), blobs(64, 64), QuiltParameters(scale=scale))
     stretch, _ = singular_values(dense, quilt)
     assert np.median(stretch) * scale == pytest.approx(1, abs=0.03)
     assert (quilt.patch >= 0).all()
@@ -83,7 +81,9 @@ def test_a_plane_can_continue_its_sample():
 @pytest.mark.parametrize(
     "sample",
     [
-        Sample("flat", np.full((32, 32, 3), 0.5, np.float32), np.full((32, 32, 3), 0.5, np.float32)),
+        Sample(
+            "flat", np.full((32, 32, 3), 0.5, np.float32), np.full((32, 32, 3), 0.5, np.float32)
+        ),
         blobs(8, 8),
         blobs(3, 40),
         blobs(2, 2),
@@ -107,9 +107,7 @@ def test_a_wild_field_is_covered_all_the_same():
 def test_a_bound_on_the_seam_shrinks_patches_and_ends():
     dense = sphere(4)
     free, loose = synthesize(dense, constant_field(dense), blobs())
-    bound, tight = synthesize(
-        dense, constant_field(dense), blobs(), QuiltParameters(max_seam=0.2)
-    )
+    bound, tight = synthesize(dense, constant_field(dense), blobs(), QuiltParameters(max_seam=0.2))
     assert (bound.patch >= 0).all()
     assert tight.shrinks > loose.shrinks and tight.patches > loose.patches
 
