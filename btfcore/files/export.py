@@ -53,13 +53,13 @@ def export(
     colours : (N, 3) f4, sRGB-coded 0–1, per dense vertex. GLB and OBJ carry the input mesh
     with the atlas as texture, or the dense mesh where `dense_shape`; PLY has colours per
     vertex, hence always the dense mesh. `source` is `gutter_source(dense)` where the caller
-    has it already; `extras` (JSON values) travel in the GLB. Raises like `check_output`.
+    has it already; `extras` (JSON values) travel in the GLB. `progress` is not called once
+    files are in place, so that cancelling leaves nothing. Raises like `check_output`.
     """
     given = check_output(path)
     if given.suffix.lower() == ".ply":
         progress(0.1, "writing PLY")
         write_ply(given, dense.vertices, dense.normals, quantise(colours), dense.faces)
-        progress(1.0, "writing PLY")
         return (given,)
     progress(0.0, "filling the gutter")
     texture = atlas_texture(dense, colours, source=source)
@@ -69,9 +69,6 @@ def export(
     png = encode_png(texture)
     progress(0.5, "writing")
     if given.suffix.lower() == ".obj":
-        written = write_obj(given, surface, png, progress=between(progress, 0.5, 1.0))
-    else:
-        write_glb(given, surface, png, name=given.stem, extras=extras)
-        written = (given,)
-    progress(1.0, "written")
-    return written
+        return write_obj(given, surface, png, progress=between(progress, 0.5, 1.0))
+    write_glb(given, surface, png, name=given.stem, extras=extras)
+    return (given,)

@@ -54,6 +54,7 @@ def encode_glb(
     faces = drop_collapsed(placed.positions, surface.faces)
     if len(faces) == 0:
         raise OutputFailed(f"all {len(surface.faces)} triangles collapse in single precision")
+    name = name.encode("utf-8", "replace").decode("utf-8")  # file names may hold lone surrogates
     binary = _Binary()
     attributes = {
         "POSITION": binary.accessor(placed.positions, "VEC3", _VERTICES, bounds=True),
