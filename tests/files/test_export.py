@@ -183,13 +183,13 @@ def test_cancelling_leaves_nothing(tmp_path, suffix, at):
         if share >= at:
             raise Cancelled
 
+    path = tmp_path / f"out{suffix}"
     try:
-        export(
-            tmp_path / f"out{suffix}", atlas.mesh, atlas, dense, noise_colours(dense),
-            progress=progress,
-        )  # fmt: skip
+        export(path, atlas.mesh, atlas, dense, noise_colours(dense), progress=progress)
     except Cancelled:
         assert list(tmp_path.iterdir()) == []
+    else:
+        assert path.exists()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs SIGKILL")
