@@ -58,7 +58,7 @@ def run_guarded(
             folder = Path(name)
             np.savez(folder / "in.npz", **{f"_{key}": value for key, value in arrays.items()})
             job = {"task": task, "options": dict(options), "limit_mb": limit_mb}
-            job["limit_s"] = limit_s
+            job["cpu_s"] = int(limit_s * (os.cpu_count() or 1)) + 5
             (folder / "in.json").write_text(json.dumps(job), encoding="utf-8")
             _watch(folder, limit_s, progress, label)
             return _result(folder, label)
@@ -125,7 +125,7 @@ def _result(folder: Path, label: str) -> tuple[Arrays, Options]:
     raise kind(answer["message"])
 
 
-def _set_limits(limit_mb: int, limit_s: float) -> None:
+def _set_limits(limit_mb: int, cpu_s: int) -> None:
     """Cap the address space, processor time and core dumps where the system can."""
     try:
         import resource
@@ -133,8 +133,7 @@ def _set_limits(limit_mb: int, limit_s: float) -> None:
         return
     if sys.platform == "linux":  # macOS ignores or refuses RLIMIT_AS
         resource.setrlimit(resource.RLIMIT_AS, (limit_mb << 20, limit_mb << 20))
-    seconds = int(limit_s * (os.cpu_count() or 1)) + 5
-    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
+    resource.setrlimit(resource.RLIMIT_CPU, (cpu_s, cpu_s))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
@@ -142,7 +141,7 @@ def _child() -> None:
     """Entry of the child process: run the task found in the folder named by argv[2]."""
     folder = Path(sys.argv[2])
     job = json.loads((folder / "in.json").read_text(encoding="utf-8"))
-    _set_limits(int(job["limit_mb"]), float(job["limit_s"]))
+    _set_limits(int(job["limit_mb"]), int(job["cpu_s"]))
     module, _, name = job["task"].partition(":")
     if not module.startswith("btfcore."):
         raise SystemExit(f"task {job['task']!r} lies outside btfcore")

@@ -77,6 +77,7 @@ def _header(data: bytes) -> tuple[str, list[_Element], int]:
         try:
             match words:
                 case ["format", name, *_]:
+                    _ORDERS[name]  # an unknown format is a KeyError like any other word
                     encoding = name
                 case ["element", name, count]:
                     elements.append(_Element(name, int(count), ()))
@@ -91,8 +92,8 @@ def _header(data: bytes) -> tuple[str, list[_Element], int]:
                     raise ValueError(line)
         except (ValueError, KeyError, IndexError) as error:
             raise InvalidMesh(f"PLY header line {line[:80]!r} makes no sense") from error
-    if encoding not in _ORDERS:
-        raise InvalidMesh(f"PLY format {encoding!r} is unknown")
+    if not encoding:
+        raise InvalidMesh("the PLY header names no format")
     return encoding, elements, start
 
 
