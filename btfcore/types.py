@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 F8 = NDArray[np.float64]
 F4 = NDArray[np.float32]
+C8 = NDArray[np.complex64]
 I8 = NDArray[np.int64]
 I4 = NDArray[np.int32]
 U2 = NDArray[np.uint16]

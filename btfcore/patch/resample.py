@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from btfcore.types import F4, F8, I4
 
@@ -17,7 +18,7 @@ def work_image(
     local: I4,
     point: F8,
     values: F4,
-    known: F8,
+    known: NDArray[np.bool_],
     half: int,
 ) -> tuple[F4, F4]:
     """Rasterise the triangles whose three vertices are known.

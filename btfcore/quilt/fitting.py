@@ -148,9 +148,9 @@ def _back_slot(indptr, indices, vertex, other):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _graph(
+def _graph(  # type: ignore[no-untyped-def]
     indptr, indices, order, inner, local, place, patch, source, ghost, grid, covered, node, count
-):  # type: ignore[no-untyped-def]
+):
     """Edges and terminal capacities; seam nodes follow the vertex nodes."""
     slots = 0
     for here in range(inner):

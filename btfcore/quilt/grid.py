@@ -29,7 +29,7 @@ class SampleGrid(Frozen):
     texel_difference: float
     random_difference: float
 
-    def to_sample(self, place: F8) -> F4:
+    def to_sample(self, place: F4 | F8) -> F4:
         """Grid (column, row) as sample (column, row)."""
         if self.shrink == 1.0:
             return place.astype(np.float32)

@@ -12,7 +12,7 @@ from scipy.ndimage import map_coordinates
 
 from btfcore.quilt.grid import SampleGrid
 from btfcore.quilt.matching import RELAXED, Placement, local_minima
-from btfcore.types import F4
+from btfcore.types import C8, F4
 
 COPIES = 72
 
@@ -24,7 +24,7 @@ class RotatedMatcher:
         """Prepare for `grid`."""
         self.grid = grid
         self._copies: dict[int, tuple[F4, F4]] = {}
-        self._spectra: dict[tuple[int, int, int], tuple[F4, F4, F4]] = {}
+        self._spectra: dict[tuple[int, int], tuple[C8, C8, C8]] = {}
 
     def copy(self, index: int) -> tuple[F4, F4]:
         """Copy number `index` of the sample: (channels (k, s, s), valid (s, s)) f4."""
@@ -87,8 +87,8 @@ class RotatedMatcher:
                 return [Placement(float(column[r, c]), float(row[r, c]), float(costs[r, c]), angle)]
         return []
 
-    def _sample_spectra(self, index: int, length: int) -> tuple[F4, F4, F4]:
-        key = (index, length, length)
+    def _sample_spectra(self, index: int, length: int) -> tuple[C8, C8, C8]:
+        key = (index, length)
         if key not in self._spectra:
             if len(self._spectra) > 2 * COPIES:
                 self._spectra.clear()

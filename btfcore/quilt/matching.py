@@ -14,7 +14,7 @@ import scipy.fft
 from numba import njit
 
 from btfcore.quilt.grid import SampleGrid
-from btfcore.types import F4, F8
+from btfcore.types import C8, F4, F8
 
 LARGE = 320  # samples wider than this are matched on block means first, then refined
 RELAXED = ((0.4, 16.0), (0.2, 4.0), (0.02, 2.0), (0.0, 0.0))
@@ -41,9 +41,9 @@ class Matcher:
         if min(grid.match.shape[:2]) > 2 * LARGE:
             self.factor = 4
         self._match = _reduced(grid.match, self.factor)
-        self._spectra: dict[tuple[int, int], tuple[F4, F4]] = {}
+        self._spectra: dict[tuple[int, int], tuple[C8, C8]] = {}
 
-    def _sample_spectra(self, shape: tuple[int, int]) -> tuple[F4, F4]:
+    def _sample_spectra(self, shape: tuple[int, int]) -> tuple[C8, C8]:
         if shape not in self._spectra:
             if len(self._spectra) > 24:  # one per patch size; bounded all the same
                 self._spectra.clear()
