@@ -56,7 +56,7 @@ def run_guarded(
     try:
         with tempfile.TemporaryDirectory(prefix="patina-") as name:
             folder = Path(name)
-            np.savez(folder / "in.npz", **{f"_{key}": value for key, value in arrays.items()})
+            _store(folder / "in.npz", arrays)
             job = {"task": task, "options": dict(options), "limit_mb": limit_mb}
             job["cpu_s"] = int(limit_s * (os.cpu_count() or 1)) + 5
             (folder / "in.json").write_text(json.dumps(job), encoding="utf-8")
@@ -65,6 +65,16 @@ def run_guarded(
     except OSError as error:
         reason = f"{label}: the helper process could not be served: {error}"
         raise errors.GuardedFailure(reason) from error
+
+
+def _store(file: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    named: dict[str, Any] = {f"_{key}": value for key, value in arrays.items()}
+    np.savez(file, **named)  # the underscore keeps names apart from savez's own arguments
+
+
+def _stored(file: Path) -> Arrays:
+    with np.load(file, allow_pickle=False) as stored:
+        return {key[1:]: stored[key] for key in stored.files}
 
 
 def _watch(folder: Path, limit_s: float, progress: Progress, label: str) -> None:
@@ -117,8 +127,7 @@ def _result(folder: Path, label: str) -> tuple[Arrays, Options]:
     try:
         answer = json.loads((folder / "out.json").read_text(encoding="utf-8"))
         if "error" not in answer:
-            with np.load(folder / "out.npz", allow_pickle=False) as stored:
-                return {key[1:]: stored[key] for key in stored.files}, answer["options"]
+            return _stored(folder / "out.npz"), answer["options"]
     except (OSError, ValueError) as error:
         raise errors.GuardedFailure(f"{label} ended without an answer: {error}") from error
     kind = getattr(errors, answer["error"], errors.GuardedFailure)
@@ -147,10 +156,9 @@ def _child() -> None:
         raise SystemExit(f"task {job['task']!r} lies outside btfcore")
     answer: dict[str, Any]
     try:
-        with np.load(folder / "in.npz", allow_pickle=False) as stored:
-            arrays = {key[1:]: stored[key] for key in stored.files}
+        arrays = _stored(folder / "in.npz")
         out, options = getattr(importlib.import_module(module), name)(arrays, job["options"])
-        np.savez(folder / "out.npz", **{f"_{key}": value for key, value in out.items()})
+        _store(folder / "out.npz", out)
         answer = {"options": options}
     except errors.PatinaError as error:
         answer = {"error": type(error).__name__, "message": str(error)}

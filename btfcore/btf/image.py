@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import io
-import os
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from btfcore.errors import GuardedFailure, InvalidImage, OutputFailed, PatinaError
+from btfcore.errors import GuardedFailure, InvalidImage, PatinaError
 from btfcore.guard import run_guarded
 from btfcore.progress import Progress, silent
-from btfcore.types import F4, Sample
+from btfcore.types import Sample
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".tga")
 MOST_PIXELS = 1 << 28
@@ -92,40 +89,6 @@ def from_array(name: str, rgb: ArrayLike) -> Sample:
         colour = np.repeat(values[:, :, None], 3, axis=2)
         return Sample(name, colour, values[:, :, None] * _GREY)
     return Sample(name, values, values.copy())
-
-
-def encode_png(pixels: NDArray[np.uint8]) -> bytes:
-    """Encode (H, W, 3) or (H, W, 4) u1 sRGB pixels as a PNG file's bytes."""
-    from PIL import Image  # slow to import, and most stages write no picture
-
-    if pixels.dtype != np.uint8 or pixels.ndim != 3 or pixels.shape[2] not in (3, 4):
-        raise InvalidImage(f"cannot write a PNG of {pixels.dtype} and shape {pixels.shape}")
-    stream = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(pixels)).save(stream, "PNG", compress_level=4)
-    return stream.getvalue()
-
-
-def write_png(path: str | Path, pixels: NDArray[np.uint8]) -> None:
-    """Write u1 pixels (H, W, 3 or 4) as a PNG file, whole or not at all.
-
-    Raises `OutputFailed` where the file cannot be written; what was there before stays then.
-    """
-    file = Path(path)
-    data = encode_png(pixels)
-    try:
-        handle, part = tempfile.mkstemp(prefix=f".{file.name[:80]}.", dir=file.parent)
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                stream.write(data)
-                stream.flush()
-                os.fsync(stream.fileno())
-            os.chmod(part, 0o644)
-            os.replace(part, file)
-        except BaseException:
-            Path(part).unlink(missing_ok=True)
-            raise
-    except OSError as error:
-        raise OutputFailed(f"{file} cannot be written: {error}") from error
 
 
 def _read(

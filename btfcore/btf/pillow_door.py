@@ -64,8 +64,9 @@ def _decode(path: Path, options: Options, notes: list[str]) -> NDArray[Any]:
             f"{width:,} x {height:,} = {width * height:,} pixels; up to {options['most']:,}"
             " can be read"
         )
-    if getattr(image, "n_frames", 1) > 1:
-        notes.append(f"took the first of {image.n_frames} pictures")
+    pictures = getattr(image, "n_frames", 1)
+    if pictures > 1:
+        notes.append(f"took the first of {pictures} pictures")
         image.seek(0)
     profile = image.info.get("icc_profile")
     image.load()

@@ -36,4 +36,5 @@ def distance_to_mesh(points: ArrayLike, mesh: Mesh, *, sample: int | None = None
         np.ascontiguousarray((mesh.vertices - middle) / unit),
         np.ascontiguousarray(mesh.faces, np.int64),
     )
-    return np.sqrt(np.maximum(np.atleast_1d(squared), 0)) * unit
+    distance: F8 = np.sqrt(np.maximum(np.atleast_1d(squared), 0)) * unit
+    return distance

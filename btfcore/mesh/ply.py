@@ -210,7 +210,8 @@ def _fans(lengths: NDArray[Any], values: NDArray[Any]) -> NDArray[np.int64]:
     sides = np.maximum(lengths - 2, 0)
     apex = np.repeat(first, sides)
     step = np.arange(len(apex)) - np.repeat(np.cumsum(sides) - sides, sides) + 1
-    return values[np.stack([apex, apex + step, apex + step + 1], axis=1)].astype(np.int64)
+    corners = np.stack([apex, apex + step, apex + step + 1], axis=1)
+    return np.asarray(values[corners], np.int64)
 
 
 def _strips(lengths: NDArray[Any], values: NDArray[Any]) -> NDArray[np.int64]:

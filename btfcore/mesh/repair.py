@@ -72,7 +72,7 @@ def _checked(vertices: ArrayLike, faces: ArrayLike) -> tuple[F8, I4]:
 
 
 def _without_nonfinite(points: F8, triangles: I4, notes: list[str]) -> I4:
-    finite = np.isfinite(points).all(axis=1)
+    finite = np.asarray(np.isfinite(points).all(axis=1))
     kept = triangles[finite[triangles].all(axis=1)]
     _note(notes, len(triangles) - len(kept), "dropped faces with corners that are not finite")
     return kept

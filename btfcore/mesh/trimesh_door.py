@@ -64,13 +64,13 @@ def _parts(path: Path, kind: str, notes: list[str]) -> list[tuple[Any, Any]]:
     placed = [loaded.graph[node] for node in loaded.graph.nodes_geometry]
     if not placed and loaded.geometry:
         notes.append("the scene shows nothing, so all meshes of the file were taken")
-        placed = [(np.eye(4), name) for name in loaded.geometry]
+        placed = [(np.eye(4), key) for key in loaded.geometry]
     parts = []
-    for matrix, name in placed:
-        geometry = loaded.geometry[name]
+    for matrix, key in placed:
+        geometry = loaded.geometry[key]
         faces = getattr(geometry, "faces", None)
         if faces is None or len(faces) == 0:
-            notes.append(f"left out {name!r}: it has no triangles")
+            notes.append(f"left out {key!r}: it has no triangles")
             continue
         matrix = np.asarray(matrix, np.float64)
         vertices = np.asarray(geometry.vertices, np.float64) @ matrix[:3, :3].T + matrix[:3, 3]

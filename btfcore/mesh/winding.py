@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from btfcore.mesh.topology import components, sorted_half_edges, twins
 from btfcore.types import F8, I4, I8
@@ -61,7 +62,7 @@ def _mates(low: I4, high: I4, order: I4) -> I8:
 
 
 @njit(cache=True)
-def _disagreeing(origin: I4, low: I4, high: I4, order: I4) -> I4:
+def _disagreeing(origin: I4, low: I4, high: I4, order: I4) -> NDArray[np.bool_]:
     """Flag of every face that must be reversed, (F,) bool."""
     mate = _mates(low, high, order)
     count = len(order) // 3

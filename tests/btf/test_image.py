@@ -1,7 +1,6 @@
 """Every kind of image gives sRGB colours; every broken one a named error."""
 
 import io
-import os
 import struct
 import zlib
 
@@ -10,14 +9,12 @@ import pytest
 from PIL import Image, ImageCms
 
 from btfcore.btf.image import (
-    encode_png,
     from_array,
     read_image,
     read_image_notes,
     read_images,
-    write_png,
 )
-from btfcore.errors import InvalidImage, OutputFailed, PatinaError
+from btfcore.errors import InvalidImage, PatinaError
 from btfcore.types import Sample
 
 
@@ -265,29 +262,3 @@ def test_arrays_of_every_depth_agree(picture):
     exact = picture.astype(np.float64) / 255
     for array in (picture, picture.astype(np.uint16) * 257, exact, exact.astype(np.float32)):
         assert from_array("same", array).colour == pytest.approx(exact, abs=1e-6)
-
-
-def test_png_out_and_in_is_the_same(tmp_path, picture):
-    write_png(tmp_path / "out.png", picture)
-    assert np.array_equal(np.asarray(Image.open(tmp_path / "out.png")), picture)
-    four = np.concatenate([picture, picture[:, :, :1]], axis=2)
-    assert np.array_equal(np.asarray(Image.open(io.BytesIO(encode_png(four)))), four)
-    with pytest.raises(InvalidImage, match="float64"):
-        encode_png(picture / 255)
-
-
-def test_a_full_disk_leaves_what_was_there(tmp_path, picture, monkeypatch):
-    file = tmp_path / "out.png"
-    write_png(file, picture)
-    before = file.read_bytes()
-
-    def full(handle):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(OutputFailed, match="No space left"):
-        write_png(file, 255 - picture)
-    assert file.read_bytes() == before
-    assert os.listdir(tmp_path) == ["out.png"]
-    with pytest.raises(OutputFailed, match="missing"):
-        write_png(tmp_path / "missing" / "out.png", picture)
