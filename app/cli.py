@@ -94,7 +94,7 @@ def decorate(
             write_quilt_npz(save_quilt, done.prepared.dense, done.prepared.field, done.quilt)
         if preview is not None:
             progress(1.0, "preview")
-            from app.scene import preview_decorated
+            from app.preview import preview_decorated
 
             preview_decorated(preview, done)
         figures = None

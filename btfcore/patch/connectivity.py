@@ -36,7 +36,7 @@ def connect(dense: DenseMesh, field: Field) -> Connectivity:
     faces = np.ascontiguousarray(dense.faces, np.int32)
     indptr, indices = adjacency(faces, len(dense.vertices))
     face_ptr, face_of = faces_at_vertices(faces, len(dense.vertices))
-    step = dense.step
+    step = dense.step or 1.0  # a mesh of single texels has no area
     points = np.ascontiguousarray((dense.vertices - dense.vertices.mean(axis=0)) / step)
     edge, turn = _connection(indptr, indices, points, dense.normals, field.tangents)
     area = _areas(points, faces)

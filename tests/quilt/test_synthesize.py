@@ -9,7 +9,7 @@ from btfcore.quilt.measure import measure_seams
 from btfcore.quilt.parameters import QuiltParameters
 from btfcore.quilt.synthesize import Synthesizer, synthesize
 from btfcore.types import Sample
-from tests.surfaces import blobs, constant_field, plane, random_field, sphere
+from tests.surfaces import blobs, constant_field, dense_mesh, plane, random_field, sphere
 
 
 def singular_values(dense, quilt):
@@ -201,3 +201,11 @@ def test_seam_measures_against_a_twin():
 def test_knobs_out_of_range_are_named(knobs):
     with pytest.raises(InvalidParameter, match=next(iter(knobs))):
         QuiltParameters(**knobs)
+
+
+@pytest.mark.parametrize("loose", [0, 5])
+def test_tiny_meshes_and_loose_vertices_are_covered(loose):
+    vertices = np.concatenate([[(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.full((loose, 3), 9.0)])
+    dense = dense_mesh(vertices, [(0, 1, 2)])
+    quilt, _ = synthesize(dense, constant_field(dense), blobs())
+    assert (quilt.patch >= 0).all() and np.isfinite(quilt.source).all()
