@@ -192,6 +192,42 @@ def test_cancelling_leaves_nothing(tmp_path, suffix, at):
         assert path.exists()
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX limits")
+def test_a_size_limit_hit_in_the_middle_leaves_nothing_in_any_format(tmp_path):
+    code = (
+        "import pathlib, resource, sys, numpy as np\n"
+        "from btfcore.errors import OutputFailed\n"
+        "from btfcore.files.export import export\n"
+        "from btfcore.files.quilt_npz import write_quilt_npz\n"
+        "from tests.boxes import box, quilt_on\n"
+        "atlas, dense = box(32)\n"
+        "quilt, field = quilt_on(dense)\n"
+        "colours = np.zeros((len(dense.vertices), 3), np.float32)\n"
+        "rest = atlas.mesh, atlas, dense, colours\n"
+        "writers = [lambda: write_quilt_npz(sys.argv[1] + '/x.npz', dense, field, quilt)]\n"
+        "for suffix in ('.glb', '.obj', '.ply'):\n"
+        "    name = sys.argv[1] + '/x' + suffix\n"
+        "    writers.append(lambda name=name: export(name, *rest, dense_shape=True))\n"
+        "for write in writers:\n"
+        "    write()  # compiled code is cached now, before the limit\n"
+        "for path in pathlib.Path(sys.argv[1]).iterdir():\n"
+        "    path.unlink()\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000))\n"
+        "for write in writers:\n"
+        "    try:\n"
+        "        write()\n"
+        "    except OutputFailed as error:\n"
+        "        assert 'size limit' in str(error), error\n"
+        "    else:\n"
+        "        sys.exit('no error')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path)], cwd=ROOT, capture_output=True
+    )
+    assert done.returncode == 0, done.stderr.decode()
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="needs SIGKILL")
 def test_an_export_killed_half_way_leaves_nothing_under_its_names(tmp_path):
     code = (
