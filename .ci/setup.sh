@@ -111,14 +111,20 @@ check_python() {
 
 check_libraries() {
     [ "$(uname -s)" = Linux ] || return 0
-    local offscreen window
+    local venv offscreen window
+    venv=$(missing_venv)
     offscreen=$(missing_packages "$offscreen_libraries")
     window=$(missing_packages "$window_libraries")
-    [ -n "$offscreen$window" ] || return 0
+    [ -n "$venv$offscreen$window" ] || return 0
     # shellcheck disable=SC2086 # lists of packages
-    apt_install $offscreen $window && return 0
-    [ -z "$offscreen" ] && [ -z "$need_window" ] || exit 1
+    apt_install $venv $offscreen $window && return 0
+    [ -z "$venv$offscreen" ] && [ -z "$need_window" ] || exit 1
     say "going on without a window"
+}
+
+missing_venv() { # Debian keeps what makes virtual environments in a package of its own
+    [ -x .venv/bin/pip ] || "$python" -c 'import ensurepip, venv' 2>/dev/null ||
+        "$python" -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])'
 }
 
 fingerprint() { # changes with the requirements, the interpreter and the place of the folder
@@ -130,12 +136,10 @@ fingerprint() { # changes with the requirements, the interpreter and the place o
 }
 
 make_venv() {
-    local version
+    local venv
     rm -rf .venv
-    if ! "$python" -c 'import ensurepip, venv' 2>/dev/null; then
-        version=$("$python" -c 'import sys; print("python%d.%d" % sys.version_info[:2])')
-        apt_install "$version-venv" || exit 1
-    fi
+    venv=$(missing_venv)
+    [ -z "$venv" ] || apt_install "$venv" || exit 1
     "$python" -m venv .venv || die "could not make the virtual environment .venv with $python"
 }
 
