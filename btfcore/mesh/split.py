@@ -15,13 +15,15 @@ from btfcore.mesh.topology import edges, fans, is_manifold, sorted_half_edges, t
 from btfcore.types import F8, I4
 
 _ROUNDS = 64
+_MANY = 33  # at edges of more faces all pairs cannot be compared in reasonable time
 
 
 def split_nonmanifold(vertices: F8, faces: I4) -> tuple[I4, I4]:
     """Make a mesh manifold by duplicating vertices.
 
-    Around an edge of more than two faces those are paired that bound the same solid wedge, so
-    bodies that touch come apart and stay closed; what has no partner gets a border.
+    Around an edge with an even number of faces those are paired that bound the same solid
+    wedge, so bodies that touch come apart and stay closed; with an odd number, those that
+    continue each other best. What has no partner gets a border.
     Returns (faces, source): faces (F, 3) i4 naming new vertices, source (V',) i4, the old
     vertex of each. Vertices that are manifold already keep their place in the order.
     Raises `InvalidMesh` should the result not be manifold, with the number of bad edges.
@@ -84,29 +86,59 @@ def _pair_wedges(vertices: F8, faces: I4, twin: I4) -> None:
     angle = np.arctan2((arm * up).sum(axis=1), (arm * across).sum(axis=1))
     forward = start == low
     order = np.lexsort((crowded, forward, angle, high, low))
-    _pair_in_turn(twin, crowded[order], low[order], high[order], forward[order])
+    _pair(twin, crowded[order], low[order], high[order], forward[order], angle[order])
 
 
 @njit(cache=True)
-def _pair_in_turn(twin: I4, half_edges: I4, low: I4, high: I4, forward: I4) -> None:
-    """Per edge, match the faces by angle like brackets: backward opens, forward closes."""
-    opened = np.empty(len(half_edges), np.int64)
+def _pair(twin: I4, half_edges: I4, low: I4, high: I4, forward: I4, angle: F8) -> None:
+    """Pair the half-edges of each crowded edge, which come sorted by edge and angle."""
     first = 0
     while first < len(half_edges):
         stop = first + 1
         while stop < len(half_edges) and low[stop] == low[first] and high[stop] == high[first]:
             stop += 1
-        depth = 0
-        for step in range(2 * (stop - first)):  # twice around: wedges may span the start
-            place = first + step % (stop - first)
-            if twin[half_edges[place]] >= 0:
-                continue
-            if not forward[place]:
-                if step < stop - first:
-                    opened[depth] = half_edges[place]
-                    depth += 1
-            elif depth:
-                depth -= 1
-                twin[opened[depth]] = half_edges[place]
-                twin[half_edges[place]] = opened[depth]
+        if (stop - first) % 2 == 0 or stop - first > _MANY:
+            _pair_brackets(twin, half_edges[first:stop], forward[first:stop])
+        else:
+            _pair_straightest(twin, half_edges[first:stop], forward[first:stop], angle[first:stop])
         first = stop
+
+
+@njit(cache=True)
+def _pair_brackets(twin: I4, half_edges: I4, forward: I4) -> None:
+    """Match faces by angle like brackets: backward opens a solid wedge, forward closes it."""
+    count = len(half_edges)
+    opened = np.empty(count, np.int64)
+    depth = 0
+    for step in range(2 * count):  # twice around: wedges may span the start
+        here = half_edges[step % count]
+        if twin[here] >= 0:
+            continue
+        if forward[step % count]:
+            if depth:
+                depth -= 1
+                twin[opened[depth]] = here
+                twin[here] = opened[depth]
+        elif step < count:
+            opened[depth] = here
+            depth += 1
+
+
+@njit(cache=True)
+def _pair_straightest(twin: I4, half_edges: I4, forward: I4, angle: F8) -> None:
+    """Pair, again and again, the two that continue each other best; one at least stays."""
+    while True:
+        best, one, other = np.inf, -1, -1
+        for i in range(len(half_edges)):
+            for j in range(len(half_edges)):
+                if forward[i] or not forward[j]:
+                    continue
+                if twin[half_edges[i]] >= 0 or twin[half_edges[j]] >= 0:
+                    continue
+                bend = abs(abs(angle[i] - angle[j]) - np.pi)
+                if bend < best:
+                    best, one, other = bend, i, j
+        if one < 0:
+            return
+        twin[half_edges[one]] = half_edges[other]
+        twin[half_edges[other]] = half_edges[one]

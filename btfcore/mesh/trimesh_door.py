@@ -54,6 +54,8 @@ def _parts(path: Path, kind: str, notes: list[str]) -> list[tuple[Any, Any]]:
     data = path.read_bytes()
     if kind == "obj":
         data = tidy_obj(data)
+    if kind == "stl":
+        data = _whole_stl(data)
     if kind in ("glb", "gltf"):
         check_gltf(data, path)
         loaded = trimesh.load_scene(path, process=False, skip_materials=True)
@@ -78,6 +80,19 @@ def _parts(path: Path, kind: str, notes: list[str]) -> list[tuple[Any, Any]]:
         faces = np.asarray(faces)
         parts.append((vertices, faces[:, ::-1] if mirrored else faces))
     return parts
+
+
+def _whole_stl(data: bytes) -> bytes:
+    """Check a binary STL's length against its count; bytes after the last triangle go."""
+    if b"facet" in data[:2000].lower() or len(data) < 84:
+        return data  # text, or too short to be told apart: the parser decides
+    count = int.from_bytes(data[80:84], "little")
+    if 84 + 50 * count > len(data):
+        raise InvalidMesh(
+            f"the STL file claims {count:,} triangles, which take {84 + 50 * count:,} bytes;"
+            f" it has {len(data):,}"
+        )
+    return data[: 84 + 50 * count]
 
 
 def _joined(parts: list[tuple[Any, Any]]) -> tuple[Any, Any]:

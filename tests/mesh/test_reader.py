@@ -92,6 +92,21 @@ def test_every_format_gives_the_same_surface(tmp_path):
         )
 
 
+def test_stl_text_and_stl_with_bytes_at_the_end(tmp_path):
+    vertices, faces = shapes.cube()
+    corners = [f"vertex {x} {y} {z}" for x, y, z in vertices[faces.reshape(-1)].tolist()]
+    text = "solid cube\n"
+    for first in range(0, len(corners), 3):
+        three = "\n".join(corners[first : first + 3])
+        text += f"facet normal 0 0 0\nouter loop\n{three}\nendloop\nendfacet\n"
+    write(tmp_path / "text.stl", text + "endsolid cube\n")
+    write(tmp_path / "more.stl", stl_bytes(vertices, faces) + b"a careless postscript")
+    for name in ("text.stl", "more.stl"):
+        mesh, report = read_mesh(tmp_path / name)
+        assert report.statistics == statistics(vertices, faces)
+        assert shapes.volume(mesh.vertices, mesh.faces) == pytest.approx(1)
+
+
 def test_a_scene_comes_in_world_space(tmp_path):
     nodes = [
         {"children": [1, 2], "translation": [10, 0, 0]},
@@ -153,7 +168,8 @@ BROKEN = {
     "text.ply": (GOOD, "b'ply'"),
     "mesh.fbx": (GOOD, ".fbx"),
     "noending": (GOOD, "''"),
-    "short.stl": (stl_bytes(*shapes.cube())[:-30], "."),
+    "short.stl": (stl_bytes(*shapes.cube())[:-30], "12 triangles, which take 684 bytes"),
+    "empty.stl": ("solid nothing\nendsolid nothing\n", "no triangle"),
     "many.off": ("OFF\n4000000000 4000000000 0\n0 0 0\n", "cannot be parsed"),
     "range.off": ("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n", "outside the range"),
     "list.gltf": ("[1, 2]", "no glTF"),

@@ -101,6 +101,26 @@ def test_three_sheets_at_one_edge_come_apart_without_loss():
     assert len(mesh.faces) == 3
 
 
+def test_a_wing_leaves_the_body_whole():
+    vertices, faces = shapes.torus()
+    wing = [[faces[40, 0], faces[40, 1], len(vertices)]]
+    mesh, _ = repair(np.concatenate([vertices, [[0, 0, 9.0]]]), np.concatenate([faces, wing]))
+    assert_clean(mesh)
+    found = statistics(mesh.vertices, mesh.faces)
+    assert (found.components, found.boundary_edges, found.euler) == (2, 3, 1)
+
+
+def test_an_edge_of_very_many_faces_takes_no_time():
+    angle = np.linspace(0, 6, 50_001)
+    rim = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    tips = np.arange(len(rim)) + 2
+    faces = np.stack([np.zeros_like(tips), np.ones_like(tips), tips], axis=1)
+    faces[::3] = faces[::3, [1, 0, 2]]
+    mesh, _ = repair(np.concatenate([[[0, 0, 0], [0, 0, 1.0]], rim]), faces)
+    assert_clean(mesh)
+    assert len(mesh.faces) == 50_001
+
+
 def test_a_cap_without_area_is_flipped_and_the_surface_stays_closed():
     vertices, faces = shapes.TETRAHEDRON
     # vertex 4 halves edge 0-1 for one of its two faces only: the other gets a cap
