@@ -100,10 +100,11 @@ def _principal(cut: F4, most: int) -> F4:
     if count == 1:
         return cut
     flat = cut.reshape(-1, count).astype(np.float64)
-    values, vectors = np.linalg.eigh(flat.T @ flat)
+    # einsum, not a BLAS product: its sums do not depend on the number of threads
+    values, vectors = np.linalg.eigh(np.einsum("ik,il->kl", flat, flat))
     values, vectors = values[::-1], vectors[:, ::-1]
     share = np.cumsum(values) / max(values.sum(), 1e-300)
     keep = min(int(np.searchsorted(share, 0.999)) + 1, most, count)
     signs = np.sign(vectors[np.abs(vectors).argmax(axis=0), np.arange(count)])
-    match = flat @ (vectors * signs)[:, :keep]
+    match = np.einsum("ik,kl->il", flat, (vectors * signs)[:, :keep])
     return np.ascontiguousarray(match.reshape(*cut.shape[:2], keep), np.float32)
