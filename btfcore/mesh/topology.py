@@ -234,20 +234,28 @@ def _curves(rim: I4, count: int) -> int:
 @njit(cache=True)
 def _vertex_normals(points: F8, faces: I4) -> F8:
     normals = np.zeros((len(points), 3))
+    side = np.empty((3, 3))
     for face in range(len(faces)):
-        a, b, c = points[faces[face, 0]], points[faces[face, 1]], points[faces[face, 2]]
-        normal = np.cross(b - a, c - a)
-        length = np.sqrt((normal * normal).sum())
-        if length == 0:
+        for corner in range(3):
+            for axis in range(3):
+                side[corner, axis] = (
+                    points[faces[face, (corner + 1) % 3], axis] - points[faces[face, corner], axis]
+                )
+        x = side[0, 1] * side[1, 2] - side[0, 2] * side[1, 1]
+        y = side[0, 2] * side[1, 0] - side[0, 0] * side[1, 2]
+        z = side[0, 0] * side[1, 1] - side[0, 1] * side[1, 0]
+        doubled = np.sqrt(x * x + y * y + z * z)
+        if doubled == 0:
             continue
         for corner in range(3):
-            here = points[faces[face, corner]]
-            ahead = points[faces[face, (corner + 1) % 3]] - here
-            behind = points[faces[face, (corner + 2) % 3]] - here
-            # length is twice the area at every corner: |ahead x behind|
-            angle = np.arctan2(length, (ahead * behind).sum())
+            dot = 0.0
             for axis in range(3):
-                normals[faces[face, corner], axis] += normal[axis] / length * angle
+                dot -= side[corner, axis] * side[(corner + 2) % 3, axis]
+            # doubled area is the cross product of the sides at every corner
+            weight = np.arctan2(doubled, dot) / doubled
+            normals[faces[face, corner], 0] += x * weight
+            normals[faces[face, corner], 1] += y * weight
+            normals[faces[face, corner], 2] += z * weight
     for vertex in range(len(points)):
         length = np.sqrt((normals[vertex] * normals[vertex]).sum())
         if length > 1e-12:
