@@ -13,6 +13,7 @@ from btfcore.errors import InvalidMesh
 _UNREADABLE = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
 _JSON_CHUNK = 0x4E4F534A
 _TRIANGLE_MODES = (4, 5)
+_FAN = 6
 
 
 def check_gltf(data: bytes, path: Path) -> None:
@@ -110,5 +111,7 @@ def _check_primitives(header: dict[str, Any]) -> None:
                     raise InvalidMesh(f"its accessor {index} is sparse, which cannot be read")
                 if accessors[index].get("normalized"):
                     raise InvalidMesh(f"its accessor {index} is normalized, which cannot be read")
+    if _FAN in modes:
+        raise InvalidMesh("some of its primitives are triangle fans, which cannot be read")
     if not modes.intersection(_TRIANGLE_MODES):
         raise InvalidMesh(f"it holds no triangles (primitive modes {sorted(modes, key=str)})")

@@ -8,17 +8,20 @@ from btfcore.errors import InvalidMesh
 
 _RELATIVE = re.compile(rb"^f[^\n]* -", re.MULTILINE)
 _ZERO = re.compile(rb"^f(?:[^\n]* )?0+(?:[/ \n]|$)", re.MULTILINE)
+_COMMENT = re.compile(rb"#[^\n]*")
 _INDENT = re.compile(rb"^ +", re.MULTILINE)
 
 
 def tidy_obj(data: bytes) -> bytes:
-    """Remove byte-order mark, tabs, indents and relative indices from an OBJ file.
+    """Remove byte-order mark, comments, tabs, indents and relative indices from an OBJ file.
 
     Relative indices count backwards from the line where they stand. Raises `InvalidMesh`
     where a face uses index 0 (OBJ counts from 1) or reaches back before the first vertex.
     """
     text = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     text = text.replace(b"\\\n", b" ").replace(b"\t", b" ")
+    if b"#" in text:
+        text = _COMMENT.sub(b"", text)
     if text.startswith(b" ") or b"\n " in text:
         text = _INDENT.sub(b"", text)
     if (zero := _ZERO.search(text)) is not None:
@@ -36,7 +39,7 @@ def _absolute(text: bytes) -> bytes:
         if word in counts:
             counts[word] += 1
         elif word == b"f" and b"-" in line:
-            corners = line.split(b"#")[0].split()[1:]
+            corners = line.split()[1:]
             try:
                 fixed = [_corner(corner, tuple(counts.values())) for corner in corners]
             except ValueError as error:

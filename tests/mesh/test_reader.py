@@ -132,7 +132,7 @@ def test_obj_dialects(tmp_path):
         "-2/-1/-1 -1/-1/-1",
         "o second",
         *("v 0 0 5", "v 1 0 5", "v 1 1 5", "v 0 1 5", "v -1 0.5 5"),
-        "f -5//1 -4//1 -3//1 -2//1 -1//1",
+        "f -5//1 -4//1 -3//1 -2//1 -1//1 # not 0 - or so",
     ]
     mesh, report = read_mesh(write(tmp_path / "dialect.obj", "\r\n".join(lines)))
     assert (report.statistics.faces, report.statistics.components) == (5, 2)
@@ -188,6 +188,10 @@ BROKEN = {
     "lines.glb": (
         triangle_glb(meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "mode": 1}]}]),
         "no triangles",
+    ),
+    "fan.glb": (
+        triangle_glb(meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "mode": 6}]}]),
+        "triangle fans",
     ),
     "accessor.glb": (
         triangle_glb(meshes=[{"primitives": [{"attributes": {"POSITION": 7}}]}]),
