@@ -6,6 +6,8 @@ Dropping such a cap tears the surface open along its long edge; flipping that ed
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 
 from btfcore.mesh.topology import edges, twins
 from btfcore.types import F8, I4, I8
@@ -15,11 +17,7 @@ _ROUNDS = 20
 
 def flat_faces(vertices: F8, faces: I4, height: float) -> I8:
     """Find the faces whose smallest height is at most `height`."""
-    corner = vertices[faces]
-    side = np.roll(corner, -1, axis=1) - corner
-    doubled = np.linalg.norm(np.cross(side[:, 0], side[:, 1]), axis=1)
-    longest = np.linalg.norm(side, axis=2).max(axis=1)
-    return np.flatnonzero(doubled <= height * longest)
+    return np.flatnonzero(_flat(vertices, faces, height))
 
 
 def flip_caps(vertices: F8, faces: I4, height: float) -> tuple[I4, int]:
@@ -65,3 +63,26 @@ def _flip_round(vertices: F8, faces: I4, flat: I8) -> int:
         faces[other // 3] = (far, tip, start)
         touched |= {face, other // 3}
     return len(touched) // 2
+
+
+@njit(cache=True)
+def _flat(vertices: F8, faces: I4, height: float) -> NDArray[np.bool_]:
+    flat = np.empty(len(faces), np.bool_)
+    side = np.empty((3, 3))
+    for face in range(len(faces)):
+        longest = 0.0
+        for corner in range(3):
+            squared = 0.0
+            for axis in range(3):
+                step = (
+                    vertices[faces[face, (corner + 1) % 3], axis]
+                    - vertices[faces[face, corner], axis]
+                )
+                side[corner, axis] = step
+                squared += step * step
+            longest = max(longest, squared)
+        x = side[0, 1] * side[1, 2] - side[0, 2] * side[1, 1]
+        y = side[0, 2] * side[1, 0] - side[0, 0] * side[1, 2]
+        z = side[0, 0] * side[1, 1] - side[0, 1] * side[1, 0]
+        flat[face] = np.sqrt(x * x + y * y + z * z) <= height * np.sqrt(longest)
+    return flat

@@ -106,8 +106,7 @@ def vertex_normals(vertices: ArrayLike, faces: ArrayLike) -> F8:
 
 def sorted_half_edges(faces: I4) -> tuple[I4, I4, I4]:
     """Smaller and larger end of each half-edge, and their order by (smaller, larger, index)."""
-    low = np.minimum(faces, np.roll(faces, -1, axis=1)).reshape(-1)
-    high = np.maximum(faces, np.roll(faces, -1, axis=1)).reshape(-1)
+    low, high = _ends(faces)
     count = int(faces.max()) + 1 if len(faces) else 0
     by_high = _counting_sort(high, np.arange(len(low), dtype=np.int32), count)
     return low, high, _counting_sort(low, by_high, count)
@@ -115,6 +114,17 @@ def sorted_half_edges(faces: I4) -> tuple[I4, I4, I4]:
 
 def _triangles(faces: ArrayLike) -> I4:
     return np.ascontiguousarray(faces, np.int32).reshape(-1, 3)
+
+
+@njit(cache=True)
+def _ends(faces: I4) -> tuple[I4, I4]:
+    low, high = np.empty(3 * len(faces), np.int32), np.empty(3 * len(faces), np.int32)
+    for face in range(len(faces)):
+        for corner in range(3):
+            one, other = faces[face, corner], faces[face, (corner + 1) % 3]
+            low[3 * face + corner] = min(one, other)
+            high[3 * face + corner] = max(one, other)
+    return low, high
 
 
 @njit(cache=True)

@@ -121,6 +121,20 @@ def test_an_edge_of_very_many_faces_takes_no_time():
     assert len(mesh.faces) == 50_001
 
 
+def test_flat_faces_equal_their_plain_twin():
+    rng = np.random.default_rng(8)
+    vertices = rng.integers(0, 4, (40, 3)) * np.array([1.0, 1.0, 1e-3])
+    faces = rng.integers(0, 40, (500, 3)).astype(np.int32)
+    for height in (0.0, 1e-3, 0.5):
+        plain = []
+        for number, (a, b, c) in enumerate(vertices[faces]):
+            longest = max(np.linalg.norm(b - a), np.linalg.norm(c - b), np.linalg.norm(a - c))
+            doubled = np.linalg.norm(np.cross(b - a, c - b))
+            if doubled <= height * longest:
+                plain.append(number)
+        assert flat_faces(vertices, faces, height).tolist() == plain
+
+
 def test_a_cap_without_area_is_flipped_and_the_surface_stays_closed():
     vertices, faces = shapes.TETRAHEDRON
     # vertex 4 halves edge 0-1 for one of its two faces only: the other gets a cap
