@@ -46,7 +46,7 @@ bench: setup
 	$(BIN)/patina bench quilt $(ARGS)
 
 corpus: setup
-	$(BIN)/python -m tests.bench.corpus $(ARGS)
+	$(BIN)/python tests/corpus.py $(ARGS)
 
 clean:
 	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis build out *.egg-info
