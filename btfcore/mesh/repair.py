@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from btfcore.errors import InvalidMesh
 from btfcore.mesh.duplicates import drop_repeated
-from btfcore.mesh.slivers import flat_faces, flip_caps
+from btfcore.mesh.flips import flat_faces, flip_caps, unfold
 from btfcore.mesh.split import split_nonmanifold
 from btfcore.mesh.topology import edges, is_manifold
 from btfcore.mesh.weld import collapse_short_edges, weld
@@ -128,10 +128,12 @@ def _manifold(points: F8, triangles: I4, tolerance: float, notes: list[str]) -> 
         if len(triangles) == 0:
             raise InvalidMesh("no triangle is left: all faces have zero area")
         points, triangles = _compact(points, triangles)
+    triangles, unfolded = unfold(points, triangles)
     _note(notes, crowded, "edges of more than two faces taken apart")
     _note(notes, extra, "vertices split where surfaces merely touch")
     _note(notes, flipped, "edges flipped at faces without area")
     _note(notes, dropped, "dropped faces without area")
+    _note(notes, unfolded, "edges flipped where faces were folded onto each other")
     return points, triangles
 
 

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from btfcore.errors import InvalidMesh
 from btfcore.mesh.duplicates import drop_repeated
+from btfcore.mesh.flips import flat_faces
 from btfcore.mesh.repair import repair
-from btfcore.mesh.slivers import flat_faces
 from btfcore.mesh.split import split_nonmanifold
 from btfcore.mesh.topology import components, edges, is_manifold, statistics
 from btfcore.mesh.winding import agree
@@ -159,6 +159,20 @@ def test_an_edge_of_almost_no_length_is_collapsed():
     mesh, notes = repair(twice, np.concatenate([moved, needles]))
     assert statistics(mesh.vertices, mesh.faces) == statistics(vertices, faces)
     assert any("edges without length" in note for note in notes)
+
+
+def test_fans_over_concave_polygons_are_laid_flat():
+    outline = np.array([[0, 0], [1, 3], [4, 4], [1, 5], [0, 8], [-1, 5], [-4, 4], [-1, 3.0]])
+    vertices = np.concatenate([outline, np.zeros((8, 1))], axis=1)
+    for start in range(8):
+        order = np.roll(np.arange(8), -start)
+        faces = [[order[0], order[k], order[k + 1]] for k in range(1, 7)]
+        mesh, _ = repair(vertices, faces)
+        corner = mesh.vertices[mesh.faces]
+        doubled = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])[:, 2]
+        assert (doubled > 0).all()
+        assert doubled.sum() == pytest.approx(32)
+        assert statistics(mesh.vertices, mesh.faces).boundary_edges == 8
 
 
 def test_duplicates_go_and_folds_leave_the_rest_closed():
