@@ -88,7 +88,7 @@ def from_array(name: str, rgb: ArrayLike) -> Sample:
     if values.ndim == 2:
         colour = np.repeat(values[:, :, None], 3, axis=2)
         return Sample(name, colour, values[:, :, None] * _GREY)
-    return Sample(name, values, values.copy())
+    return Sample(name, values, values)
 
 
 def _read(
