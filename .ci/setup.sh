@@ -155,6 +155,10 @@ install_packages() {
     rm -f "$unfinished"
 }
 
+if command -v flock >/dev/null; then # two makes at once: one installs, the other waits
+    exec 9<.
+    flock 9
+fi
 check_python
 check_libraries
 wanted=$(fingerprint)
