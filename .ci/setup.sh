@@ -87,7 +87,7 @@ apt_install() { # packages -> installs them, or fails after saying why in one li
         return 1
     }
     as_root true || {
-        say "missing $*; ask an administrator for: apt-get install $*"
+        say "system packages are missing; ask an administrator for: apt-get install $*"
         return 1
     }
     say "installing system packages: $*"
