@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,17 +27,22 @@ class FlatPatch:
     """A work patch in its plane.
 
     order (n,) i4: vertices by breadth-first level, the last level being the ring of ghosts
-    around the patch proper; inner: how many belong to the patch proper; plane (n, 2) f8 in
+    around the patch proper; start: where each level begins in it (see `grow`); inner: how
+    many vertices belong to the patch proper; plane (n, 2) f8 in
     dense-mesh steps, x and y right-handed seen from outside; kind: how it was flattened;
     shrinks: how often the radius had to be cut.
     """
 
     order: I4
+    start: I4
     inner: int
     plane: F8
     kind: str
     radius: int
     shrinks: int
+
+
+Trim = Callable[[I4, I4, F8, int], int]
 
 
 class Flattener:
@@ -64,10 +70,12 @@ class Flattener:
         """Forget the patch's vertices; call it once done with `local`."""
         release(patch.order, self.local)
 
-    def flatten(self, seed: int, radius: int) -> FlatPatch:
+    def flatten(self, seed: int, radius: int, trim: Trim | None = None) -> FlatPatch:
         """Work patch of at most `radius` levels around `seed`; smaller where it must be.
 
-        `self.local` maps its vertices to their position in `order` until `release`.
+        `trim(order, start, plane, radius)` may ask for a smaller radius once a first map is
+        known, before any work goes into mending it. `self.local` maps the patch's vertices to
+        their position in `order` until `release`.
         """
         net, local = self.net, self.local
         order, start = grow(net.indptr, net.indices, seed, radius + 1, local, MAX_VERTICES)
@@ -76,10 +84,17 @@ class Flattener:
             net.indptr, net.indices, order, local, self._texel, self._chart, self._texel_steps
         )
         if len(plane):
-            return self._cut(order, start, plane, "chart", wanted, 0)
+            radius = wanted if trim is None else trim(order, start, plane, wanted)
+            return self._cut(order, start, plane, "chart", radius, 0)
         if self.literal:
             return self._paper(order, start, wanted)
         plane, _ = exponential_map(net.indptr, net.indices, net.edge, net.turn, order, local)
+        if trim is not None:
+            wanted = trim(order, start, plane, wanted)
+            whole = int(start[min(wanted + 2, len(start) - 1)])
+            release(order[whole:], local)
+            order, plane = order[:whole], plane[:whole]
+            start = start[: min(wanted + 2, len(start) - 1) + 1]
         sound = self._sound(order, start, plane)
         kind = "expmap"
         if sound < wanted + 1 and len(order) > 8:
@@ -111,7 +126,8 @@ class Flattener:
         inner = int(start[min(size + 1, levels + 1)])
         whole = int(start[min(size + 2, levels + 1)])
         release(order[whole:], self.local)
-        return FlatPatch(order[:whole], inner, plane[:whole], kind, size, shrinks)
+        start = start[: min(size + 2, levels + 1) + 1]
+        return FlatPatch(order[:whole], start, inner, plane[:whole], kind, size, shrinks)
 
     def _paper(self, order: I4, start: I4, wanted: int) -> FlatPatch:
         """The paper's loop: LSCM at this radius, and again at 0.8 of it while too distorted."""

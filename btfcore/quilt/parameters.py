@@ -18,6 +18,8 @@ class QuiltParameters:
     max_distortion : T_d, bound on a patch's area distortion (Zhou §III-B).
     max_seam : T_c, bound on the seam cost per seam edge over the sample's mean texel
         difference; None keeps the best of the placements tried without a bound.
+    max_bend : median angle in degrees between the field and a patch's texture above which the
+        patch shrinks (never below 12 levels).
     placements : candidate placements that are cut, the cheapest being kept.
     swing : orientations of the sample tried around the field's, in degrees.
     ahead : how many levels ahead of the frontier a patch is centred; None: half of r_w.
@@ -33,6 +35,7 @@ class QuiltParameters:
     work_patch: int | None = None
     max_distortion: float = 4.0
     max_seam: float | None = None
+    max_bend: float = 8.0
     placements: int = 3
     swing: tuple[float, ...] = (0.0,)
     ahead: int | None = None

@@ -22,10 +22,12 @@ from btfcore.quilt.matching import Matcher, Placement
 from btfcore.quilt.measure import seam_edges_around
 from btfcore.quilt.parameters import QuiltParameters
 from btfcore.quilt.state import QuiltState
-from btfcore.types import F4, F8, DenseMesh, Field, Quilt, Sample
+from btfcore.types import F4, F8, I4, DenseMesh, Field, Quilt, Sample
 
 C16 = NDArray[np.complex128]
 UPDATE_S = 0.1  # how often a partial quilt is shown
+LARGEST = 48  # levels; beyond, more time buys little
+LEAST_BENT = 12  # a patch is not made smaller than this for a turning field
 FEW_BARE = 60  # where fewer bare vertices are near, a small patch fills them
 
 
@@ -98,7 +100,7 @@ class Synthesizer:
         if self.parameters.literal:
             return 32
         height, width = self.grid.cut.shape[:2]
-        return int(np.clip(round(0.3125 * min(height, width) * self.grid.unit), 4, 64))
+        return int(np.clip(round(0.3125 * min(height, width) * self.grid.unit), 4, LARGEST))
 
     def run(
         self, *, progress: Progress = silent, on_update: Callable[[Quilt], None] | None = None
@@ -167,12 +169,33 @@ class Synthesizer:
         seed, depth, near = self._frontier.ahead(vertex, ahead)
         if near < FEW_BARE:
             return self._flattener.flatten(vertex, min(self.radius, 12))
-        patch = self._flattener.flatten(seed, self.radius)
-        if depth > 0 and patch.shrinks and patch.radius < depth + 4:
+        patch = self._flattener.flatten(seed, self.radius, self._straight)
+        if depth > 0 and patch.radius < min(self.radius, depth + 4):
             self._flattener.release(patch)
             seed, _, _ = self._frontier.ahead(vertex, min(ahead, patch.radius // 2))
-            patch = self._flattener.flatten(seed, self.radius)
+            patch = self._flattener.flatten(seed, self.radius, self._straight)
         return patch
+
+    def _straight(self, order: I4, start: I4, plane: F8, radius: int) -> int:
+        """Largest radius at which the field does not turn too much for one piece of texture."""
+        net, bound = self.net, np.radians(self.parameters.max_bend)
+        inner = int(start[min(radius + 1, len(start) - 1)])
+        turn = field_directions(
+            net.indptr, net.indices, net.edge, order, inner, self._flattener.local, plane
+        )
+        direction = turn[:, 0] + 1j * turn[:, 1]
+        bare = self.state.patch[order[:inner]] < 0
+        while radius > LEAST_BENT:
+            count = int(start[min(radius + 1, len(start) - 1)])
+            mine = direction[:count][bare[:count]]
+            if len(mine) == 0:
+                break
+            mean = _median_direction(mine, mine[0])
+            if np.median(np.abs(np.angle(mine * mean.conjugate()))) <= bound:
+                break
+            radius = max(int(radius * SHRINK), LEAST_BENT)
+            self.statistics.shrinks += 1
+        return radius
 
     def _best_candidate(self, patch: FlatPatch) -> _Candidate:
         """Match and cut; the cheapest of the placements tried."""
