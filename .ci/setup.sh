@@ -26,15 +26,8 @@ libglib-2.0.so.0 libglib2.0-0
 libfontconfig.so.1 libfontconfig1
 libxkbcommon.so.0 libxkbcommon0
 libdbus-1.so.3 libdbus-1-3
-libX11.so.6 libx11-6
-libXrender.so.1 libxrender1
-libXcursor.so.1 libxcursor1
-libXext.so.6 libxext6
-libgomp.so.1 libgomp1
-libstdc++.so.6 libstdc++6
 '
 window_libraries='
-libX11-xcb.so.1 libx11-xcb1
 libxcb-cursor.so.0 libxcb-cursor0
 libxcb-icccm.so.4 libxcb-icccm4
 libxcb-image.so.0 libxcb-image0
