@@ -28,8 +28,9 @@ class Clusters(Frozen):
     of (N,) i4: cluster of every vertex; points (C, 3) f8 and normals (C, 3) f8: mean position
     and unit mean normal; area (C,) f8 in square dense-mesh steps, i.e. vertices; component
     (C,) i4; edges (E, 2) i4: touching clusters, the smaller first; weight (E,) f8: length of
-    the common border over the distance of the centres; spacing: median of those distances, in
-    world units. indptr (N+1,) i4, indices i4: the neighbours of the vertices.
+    the common border over the distance of the centres; spacing (C,) f8: mean of those distances
+    in the cluster's component, world units. indptr (N+1,) i4, indices i4: the neighbours of the
+    vertices.
     """
 
     of: I4
@@ -39,7 +40,7 @@ class Clusters(Frozen):
     component: I4
     edges: I4
     weight: F8
-    spacing: float
+    spacing: F8
     indptr: I4
     indices: I4
 
@@ -64,14 +65,21 @@ def gather_clusters(dense: DenseMesh, normals: F8, *, target: int = TARGET) -> C
     normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-30)[:, None]
     links, border = _borders(of[pairs], clusters)
     apart = np.linalg.norm(points[links[:, 0]] - points[links[:, 1]], axis=1)
-    spacing = float(np.median(apart)) if len(links) else 0.0
-    # borders are counted in edges, so distances are counted in edges too
-    weight = border * spacing / np.maximum(apart, 0.1 * spacing + 1e-300)
-    weight /= np.sqrt(np.median(area))
     graph = coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(clusters,) * 2)
-    _, component = connected_components(graph, directed=False)
-    component = component.astype(np.int32)
+    component = connected_components(graph, directed=False)[1].astype(np.int32)
+    spacing = _component_means(component[links[:, 0]], apart, component)
+    # borders are counted in edges, so distances are counted in edges too
+    size_of = np.sqrt(_component_means(component, area, component))
+    unit = spacing[links[:, 0]] / size_of[links[:, 0]]
+    weight = border * unit / np.maximum(apart, 0.1 * unit + 1e-300)
     return Clusters(of, points, normals, area, component, links, weight, spacing, indptr, indices)
+
+
+def _component_means(label: I4, values: F8, component: I4) -> F8:
+    """Mean over each component of values labelled by component, given back to its clusters."""
+    count = int(component.max()) + 1
+    total = np.bincount(label, values, count)
+    return (total / np.maximum(np.bincount(label, minlength=count), 1))[component]
 
 
 def _means(of: I4, values: F8, area: F8) -> F8:

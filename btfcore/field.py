@@ -94,7 +94,8 @@ def _tangential(vectors: F8, normals: F8) -> F8:
 def _spread(clusters: Clusters, dense: DenseMesh, normals: F8, tangents: F8) -> F8:
     """Tangents of the vertices, blended from those of their own and the touching clusters."""
     indptr, indices = neighbours(clusters.edges, len(clusters.area))
+    reach = np.maximum(2.0 * clusters.spacing, 1e-300)
     return blended(
         clusters.of, indptr, indices, clusters.points, clusters.normals, clusters.area, tangents,
-        dense.vertices, normals, 2.0 * clusters.spacing,
+        dense.vertices, normals, reach,
     )  # fmt: skip

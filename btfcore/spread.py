@@ -46,7 +46,7 @@ def blended(  # type: ignore[no-untyped-def]
 
     of (N,): own cluster; indptr, indices: touching clusters; centres, middle, area, tangents:
     place, normal, size and tangent of each. A cluster counts by its area and by how near its
-    centre is, up to `reach`.
+    centre is, up to `reach` (C,).
     """
     out = np.empty((len(of), 3))
     total = np.empty(3)
@@ -57,8 +57,8 @@ def blended(  # type: ignore[no-untyped-def]
             other = own if slot < indptr[own] else indices[slot]
             gap = 0.0
             for axis in range(3):
-                gap += (vertices[vertex, axis] - centres[other, axis]) ** 2
-            near = max(1.0 - gap / (reach * reach), 1e-4) if reach > 0 else 1e-4
+                gap += ((vertices[vertex, axis] - centres[other, axis]) / reach[own]) ** 2
+            near = max(1.0 - gap, 1e-4)
             weight = area[other] * near * near
             _add_carried(total, weight, tangents[other], middle[other], normals[vertex])
         if not _finish(total, normals[vertex]):

@@ -33,7 +33,8 @@ def upright_tangents(clusters: Clusters, *, up: F8, away: F8) -> F8:
     """
     s, t = frames(clusters.normals)
     energy, mass = _energy(clusters)
-    wish = np.cross(up, clusters.normals) + AWAY_SHARE * np.cross(away, clusters.normals)
+    floor = AWAY_SHARE * (clusters.normals @ up) ** 2
+    wish = np.cross(up, clusters.normals) + floor[:, None] * np.cross(away, clusters.normals)
     skew = np.stack([np.cross(up, away), up, away], axis=1) @ SKEW
     target = _coordinates(wish, s, t)
     start = target + 0.3 * _coordinates(skew, s, t)

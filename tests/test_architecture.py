@@ -29,6 +29,7 @@ FLOORS = {
     "btfcore.library": 1,
     "btfcore.guide": 1,
     "btfcore.connection": 1,
+    "btfcore.spread": 1,
     "btfcore.mincut": 1,
     "btfcore.mesh": 1,
     "btfcore.btf.directions": 1,
