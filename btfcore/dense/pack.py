@@ -1,0 +1,167 @@
+"""Packs charts into a square image: uniform texel density, as large as they fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from btfcore.dense.charts import Charts, signed_areas
+from btfcore.dense.placement import place
+from btfcore.dense.stencil import Stencils, cut_stencils, quarter_turn, stack
+from btfcore.errors import AtlasFailed
+from btfcore.types import F8, I4, I8, Atlas
+
+GAP = 3  # texels between charts: room for bilinear look-ups on both sides
+_BOARD = 512  # cells a side at most; larger images use cells of several texels
+_CROWDED = 0.25  # where charts would fill less of the image than this, the gap shrinks
+_STEPS = 6  # halvings of the interval in which the scale is searched
+_STRIDE = 0.88  # from one scale tried to the next while none fits
+_DIRECTIONS = 45  # tried over a quarter turn for the smallest bounding box
+_TURNS = np.array([[[1, 0], [0, 1]], [[0, 1], [-1, 0]], [[-1, 0], [0, -1]], [[0, -1], [1, 0]]])
+
+
+@dataclass(frozen=True)
+class _Board:
+    """Upright charts (F, 3, 2) in world lengths, faces sorted by chart, and the cells."""
+
+    uv: F8
+    order: I8
+    bounds: I8
+    size: int  # cells a side
+    cell: int  # texels a cell's side
+
+    @property
+    def phase(self) -> float:
+        """From a cell's centre to the nearest texel centre, in cells, along both axes."""
+        return 0.5 / self.cell if self.cell % 2 == 0 else 0.0
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """Charts placed at `scale` cells per world length; placement as `place` returns it."""
+
+    scale: float
+    placement: I4
+    stencils: Stencils
+
+
+def pack(charts: Charts, *, rate: int, gap: int = GAP) -> Atlas:
+    """Lay charts out in a rate x rate image, all at one scale, the largest found to fit.
+
+    Texels of different charts are at least `gap` columns or rows apart; where that would
+    leave less than a quarter of the image to the charts, 2 or 1 is tried instead. Everything
+    lies within 0.5 … rate-1.5, and the middle of every chart's largest face is a texel
+    centre, so that each chart has one.
+
+    Raises `AtlasFailed` where there are more charts than texels.
+    """
+    order = np.argsort(charts.chart, kind="stable")
+    bounds = np.searchsorted(charts.chart[order], np.arange(charts.count + 1))
+    cell = max(1, -(-(rate - 2) // _BOARD))
+    board = _Board(_upright(charts.uv, order, bounds), order, bounds, (rate - 2) // cell, cell)
+    area = float(np.abs(signed_areas(board.uv)).sum())
+    found: _Layout | None = None
+    for tried in range(gap, 0, -1):
+        layout = _search(board, area, -(-(tried - 1) // cell))
+        if layout is not None and (found is None or layout.scale > found.scale):
+            found = layout
+            if area * layout.scale**2 > _CROWDED * board.size**2:
+                break
+    if found is None:
+        raise AtlasFailed(
+            f"{charts.count} charts cannot have a texel each in an image of {rate} x {rate}:"
+            f" use a rate of at least {2 * int(np.ceil(np.sqrt(charts.count))) + 2}"
+        )
+    return Atlas(charts.mesh, _texels(board, found, charts.chart), charts.chart, rate)
+
+
+def _search(board: _Board, area: float, margin: int) -> _Layout | None:
+    """Largest scale found to fit: stride down until one fits, then bisect."""
+    ceiling = board.size / np.sqrt(max(area, np.finfo(float).tiny))
+    low = high = float(ceiling)
+    best: _Layout | None = None
+    while best is None:
+        low, high = low * _STRIDE, low
+        if low < ceiling * 1e-6:
+            return None
+        best = _attempt(board, low, margin)
+    for _ in range(_STEPS):
+        middle = (best.scale + high) / 2
+        better = _attempt(board, middle, margin)
+        if better is None:
+            high = middle
+        else:
+            best = better
+    return best
+
+
+def _attempt(board: _Board, scale: float, margin: int) -> _Layout | None:
+    """Place all charts at `scale`, the largest first, or say that they do not fit."""
+    uv = board.uv * scale + board.phase
+    if np.abs(uv).max() > 2 * board.size:
+        return None
+    turned = [cut_stencils(uv, board.order, board.bounds)]
+    cells = turned[0].cells()
+    if cells.sum() > board.size**2:
+        return None
+    for _ in range(3):
+        turned.append(quarter_turn(turned[-1]))
+    stencils = stack(turned)
+    largest_first = np.lexsort((np.arange(len(cells)), -cells))
+    placement = place(stencils, largest_first, board.size, margin)
+    return None if placement is None else _Layout(scale, placement, stencils)
+
+
+def _texels(board: _Board, layout: _Layout, chart: I4) -> F8:
+    """Corners (F, 3, 2) in texels: turn each chart and move it to its place."""
+    count = len(layout.placement)
+    turn = layout.placement[:, 0]
+    box = layout.stencils.corner[turn * count + np.arange(count)]
+    move = (layout.placement[:, 1:] - box).astype(np.float64)
+    uv = board.uv * layout.scale + board.phase
+    uv = (
+        np.einsum("fij,fkj->fki", _TURNS[turn].astype(np.float64)[chart], uv) + move[chart][:, None]
+    )
+    return 1 + (board.cell - 1) / 2 + board.cell * uv
+
+
+@njit(cache=True)
+def _upright(uv: F8, order: I8, bounds: I8) -> F8:
+    """Turn charts to their smallest bounding box; the largest face's middle to the origin."""
+    out = np.empty_like(uv)
+    for c in range(len(bounds) - 1):
+        faces = order[bounds[c] : bounds[c + 1]]
+        least, cosine, sine = np.inf, 1.0, 0.0
+        for step in range(_DIRECTIONS):
+            angle = np.pi / 2 * step / _DIRECTIONS
+            one, two = np.cos(angle), np.sin(angle)
+            x_low, x_high, y_low, y_high = np.inf, -np.inf, np.inf, -np.inf
+            for f in faces:
+                for k in range(3):
+                    x = one * uv[f, k, 0] + two * uv[f, k, 1]
+                    y = one * uv[f, k, 1] - two * uv[f, k, 0]
+                    x_low, x_high = min(x_low, x), max(x_high, x)
+                    y_low, y_high = min(y_low, y), max(y_high, y)
+            box = (x_high - x_low) * (y_high - y_low)
+            if box < least * (1 - 1e-9):
+                least, cosine, sine = box, one, two
+        largest, middle_x, middle_y = -1.0, 0.0, 0.0
+        for f in faces:
+            for k in range(3):
+                out[f, k, 0] = cosine * uv[f, k, 0] + sine * uv[f, k, 1]
+                out[f, k, 1] = cosine * uv[f, k, 1] - sine * uv[f, k, 0]
+            area = abs(
+                (out[f, 1, 0] - out[f, 0, 0]) * (out[f, 2, 1] - out[f, 0, 1])
+                - (out[f, 1, 1] - out[f, 0, 1]) * (out[f, 2, 0] - out[f, 0, 0])
+            )
+            if area > largest:
+                largest = area
+                middle_x = (out[f, 0, 0] + out[f, 1, 0] + out[f, 2, 0]) / 3
+                middle_y = (out[f, 0, 1] + out[f, 1, 1] + out[f, 2, 1]) / 3
+        for f in faces:
+            for k in range(3):
+                out[f, k, 0] -= middle_x
+                out[f, k, 1] -= middle_y
+    return out
