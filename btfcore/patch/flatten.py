@@ -60,6 +60,7 @@ class Flattener:
         """Prepare for `dense`; `literal` takes LSCM wherever a patch leaves its chart."""
         self.dense, self.field, self.net = dense, field, net
         self.bound = max_distortion
+        self._step = dense.step or 1.0
         self.literal = literal
         self.local: I4 = np.full(len(dense.vertices), -1, np.int32)
         self._texel = np.ascontiguousarray(dense.texel, np.int32)
@@ -102,12 +103,26 @@ class Flattener:
             better = self._sound(order, start, relaxed)
             if better > sound:
                 plane, sound, kind = relaxed, better, "relaxed"
-        if sound < wanted + 1 and sound < wanted // 2:
-            conformal = self._lscm(order)
-            better = 0 if conformal is None else self._sound(order, start, conformal)
-            if conformal is not None and better > sound:
-                plane, sound, kind = conformal, better, "lscm"
+        if sound <= min(wanted // 2, 2 * SMALLEST):
+            return self._rescue(order, start, plane, kind, wanted, sound)
         return self._shrink(order, start, plane, kind, wanted, sound)
+
+    def _rescue(
+        self, order: I4, start: I4, plane: F8, kind: str, wanted: int, sound: int
+    ) -> FlatPatch:
+        """Where the map breaks near its centre, try LSCM on a patch of twice the sound size."""
+        size = min(max(2 * sound, 2 * SMALLEST), wanted)
+        whole = int(start[min(size + 2, len(start) - 1)])
+        release(order[whole:], self.local)
+        order, plane = order[:whole], plane[:whole]
+        start = start[: min(size + 2, len(start) - 1) + 1]
+        conformal = self._lscm(order)
+        better = 0 if conformal is None else self._sound(order, start, conformal)
+        if conformal is not None and better > sound:
+            plane, sound, kind = conformal, better, "lscm"
+        patch = self._shrink(order, start, plane, kind, size, sound)
+        patch.shrinks += wanted > size
+        return patch
 
     def _shrink(
         self, order: I4, start: I4, plane: F8, kind: str, wanted: int, sound: int
@@ -164,7 +179,7 @@ class Flattener:
     def _lscm(self, order: I4) -> F8 | None:
         net, seed = self.net, int(order[0])
         faces = patch_faces(net.faces, net.face_ptr, net.face_of, order, self.local)
-        points = self.dense.vertices[order] / self.dense.step
+        points = self.dense.vertices[order] / self._step
         normal = np.asarray(self.dense.normals[seed], np.float64)
         plane = lscm(points, faces, normal, np.asarray(self.field.tangents[seed], np.float64))
         if plane is None or np.isfinite(plane).all():
