@@ -18,6 +18,7 @@ from btfcore.render.gutter import texel_frames
 from btfcore.types import F4, F8, I4, Atlas, DenseMesh, Frozen, Mesh
 
 _FARTHEST = 1.5  # texels that a zippered triangle may reach out of its chart, half a gutter
+_TOGETHER = 2  # texels between corners on the same side of a seam
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,15 +64,16 @@ def export_input(mesh: Mesh, atlas: Atlas, *, crease_deg: float = 60.0) -> Expor
 def export_dense(dense: DenseMesh) -> ExportSurface:
     """Take the dense mesh itself; zippered triangles reach from one chart into the gutter.
 
-    A zippered triangle is textured in the chart of most of its corners; the others get the
-    coordinates where their position lies when that chart's parameterisation is continued,
-    and there the gutter shows the surface across the seam.
+    A zippered triangle is textured on that side of the seam where most of its corners lie;
+    the others get the coordinates where their position lies when the parameterisation is
+    continued from there, and there the gutter shows the surface across the seam.
     """
     twin = twins(dense.faces)
     closed = bool((twin >= 0).all())
     uv = dense.texel[dense.faces][..., ::-1].astype(np.float64)
-    foreign = np.flatnonzero(np.ptp(dense.chart[dense.faces], axis=1) > 0)
-    uv[foreign] = _continued(dense, dense.faces[foreign], uv[foreign])
+    torn = np.ptp(dense.chart[dense.faces], axis=1) > 0
+    torn |= np.ptp(uv, axis=1).max(axis=1) > _TOGETHER  # a chart may border on itself
+    uv[torn] = _continued(dense, dense.faces[torn], uv[torn])
     label = dense.faces.reshape(-1)
     return _assemble(
         dense.vertices, dense.faces, uv, dense.size, twin, label, dense.normals, closed
@@ -137,11 +139,12 @@ def _assemble(
 
 
 def _continued(dense: DenseMesh, faces: I4, uv: F8) -> F8:
-    """Texture coordinates of zippered `faces` (m, 3) in one chart each: (m, 3, 2) texels."""
+    """Texture coordinates of zippered `faces` (m, 3) on one side of the seam: (m, 3, 2)."""
     chart = dense.chart[faces]
-    second = chart[:, 1] == chart[:, 2]  # corners 1 and 2 outvote corner 0
-    home = np.where(second, chart[:, 1], chart[:, 0])[:, None]
-    inside = chart == home
+    apart = np.abs(uv[:, :, None] - uv[:, None]).max(axis=3)
+    together = (apart <= _TOGETHER) & (chart[:, :, None] == chart[:, None])
+    home = np.where(together[:, 1, 2], 1, 0)  # two corners outvote one
+    inside = together[np.arange(len(faces)), home]
     rim, place = np.unique(faces, return_inverse=True)
     frames = texel_frames(dense, rim)
     square = np.einsum("nki,nkj->nij", frames, frames)

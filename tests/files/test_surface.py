@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
+from btfcore.dense.build import build_dense_mesh
 from btfcore.errors import InvalidParameter
 from btfcore.files.surface import export_dense, export_input
 from btfcore.files.tangents import vertex_tangents
 from btfcore.render.texture import atlas_texture
 from btfcore.types import Atlas, Mesh
 from tests.boxes import bilinear, box, scatter
-from tests.surfaces import sphere
+from tests.surfaces import grid_faces, sphere
 
 
 def one_chart(mesh, size=64):
@@ -94,6 +95,24 @@ def test_zippered_triangles_stay_in_one_chart_and_show_both_sides():
     error = np.abs(bilinear(image, column, row) - 255 * (points * 0.9 + 0.5)).max(axis=1)
     assert error.mean() < 2
     assert (error > 20).mean() < 1e-3
+
+
+def test_a_chart_that_borders_on_itself_is_not_spanned():
+    around, high, side = 48, 20, 100
+    turn = np.arange(around) / around * 2 * np.pi
+    ring = np.stack([np.sin(turn), 0 * turn, np.cos(turn)], axis=1)
+    levels = np.linspace(0, -2, high)
+    vertices = (ring[None] + levels[:, None, None] * np.array([0, 1, 0])).reshape(-1, 3)
+    faces = grid_faces(high, around, wrap=True).astype(np.int32)
+    column, row = faces % around, faces // around
+    wrapped = (np.ptp(column, axis=1) > 1)[:, None] & (column == 0)
+    step = 2 * np.pi / around * (side - 8) / (2 * np.pi)
+    uv = np.stack([4 + np.where(wrapped, around, column) * step, 4 + row * 30 / (high - 1)], -1)
+    atlas = Atlas(Mesh(vertices, faces), uv, np.zeros(len(faces), np.int32), side)
+    dense = build_dense_mesh(atlas)
+    surface = export_dense(dense)
+    assert len(surface.positions) > len(dense.vertices)
+    assert np.ptp(surface.uv[surface.faces], axis=1).max() * dense.size < 4
 
 
 def test_an_atlas_of_another_mesh_and_lost_coordinates_are_refused():
