@@ -104,9 +104,7 @@ def _list_corners(flag: np.ndarray, piece: I4, pieces: int, ahead: I4) -> tuple[
 
 
 @njit(cache=True)
-def _link(
-    half: I4, flag: np.ndarray, twin: I4, ahead: I4, behind: I4
-) -> tuple[I4, I4]:
+def _link(half: I4, flag: np.ndarray, twin: I4, ahead: I4, behind: I4) -> tuple[I4, I4]:
     """Mates of arcs, and the corners around each node."""
     index = np.full(len(flag), -1, np.int32)
     for corner in range(len(half)):

@@ -39,7 +39,7 @@ def cut_into_disks(atlas: Atlas) -> Pieces:
     faces = atlas.mesh.faces
     twin = twins(faces)
     inner = _inner(twin, np.ascontiguousarray(atlas.uv), np.ascontiguousarray(atlas.chart))
-    piece, count = _pieces(inner)
+    piece, count = label_parts(inner)
     while True:
         corner, corners = fans(inner)
         euler = _euler(piece, count, inner, corner, corners)
@@ -47,7 +47,7 @@ def cut_into_disks(atlas: Atlas) -> Pieces:
         if len(bent) == 0:
             break
         _halve(piece, inner, bent.astype(np.int32), count)
-        piece, count = _pieces(inner)
+        piece, count = label_parts(inner)
     ahead, behind = _border(inner)
     return Pieces(piece, count, twin, inner, ahead, behind)
 
@@ -77,8 +77,8 @@ def _inner(twin: I4, uv: F8, chart: I4) -> I4:
 
 
 @njit(cache=True)
-def _pieces(inner: I4) -> tuple[I4, int]:
-    """Number the sets of faces that inner half-edges connect, in order of first face."""
+def label_parts(inner: I4) -> tuple[I4, int]:
+    """Number the sets of faces that paired half-edges connect, in order of first face: (F,) i4."""
     count = len(inner) // 3
     parent = np.arange(count).astype(np.int32)
     for one in range(len(inner)):

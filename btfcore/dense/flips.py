@@ -20,19 +20,20 @@ _ROUNDS = 12  # of quality flips
 _PATIENCE = 60  # tries for each edge that is in the way
 
 
-def flip_seams(faces: I4, twin: I4, grid: TexelGrid, points: F8, normals: F8) -> tuple[I4, I4, int]:
+def flip_seams(faces: I4, twin: I4, grid: TexelGrid, points: F8, normals: F8) -> tuple[I4, I4]:
     """Flip until no edge is a loop or doubled, then to shorter edges without folds.
 
     faces (M, 3) i4 and twin (3M,) i4 as `zip_seams` gives them; normals (N, 3) f8 of the
-    surface. Returns both after the flips, and how many bad edges are left.
+    surface. Returns both after the flips. Where an edge cannot be put right it stays
+    as it is.
     """
     faces, twin, edges = faces.copy(), twin.copy(), grid.edges.copy()
     _pair_walls(faces, twin, grid.texel, edges)
     keys, counts = _count_edges(faces, twin, grid.texel, edges)
-    left = _repair(faces, twin, grid.texel, edges, keys, counts)
+    _repair(faces, twin, grid.texel, edges, keys, counts)
     _improve(faces, twin, grid.texel, edges, keys, counts, np.ascontiguousarray(points),
              np.ascontiguousarray(normals))  # fmt: skip
-    return faces, twin, left
+    return faces, twin
 
 
 @njit(cache=True)
@@ -177,8 +178,10 @@ def _repair(faces: I4, twin: I4, texel: I4, edges: U1, keys: I8, counts: I4) -> 
 @njit(cache=True)
 def _fold(points: F8, normals: F8, a: int, b: int, c: int) -> bool:
     """Whether triangle a, b, c looks against the surface at its corners."""
-    ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
-    vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
+    ux, uy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
+    uz = points[b, 2] - points[a, 2]
+    vx, vy = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1]
+    vz = points[c, 2] - points[a, 2]
     return (
         (uy * vz - uz * vy) * (normals[a, 0] + normals[b, 0] + normals[c, 0])
         + (uz * vx - ux * vz) * (normals[a, 1] + normals[b, 1] + normals[c, 1])

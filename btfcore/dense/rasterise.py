@@ -85,7 +85,7 @@ def _give_one(uv: F8, area: F8, piece: I4, count: int, size: int, face: I4, bary
             continue
         x = (uv[f, 0, 0] + uv[f, 1, 0] + uv[f, 2, 0]) / 3
         y = (uv[f, 0, 1] + uv[f, 1, 1] + uv[f, 2, 1]) / 3
-        row, column = _free(face, size, y, x)
+        row, column = free_texel(face, size, y, x)
         if row >= 0:
             face[row, column] = f
             for k in range(3):
@@ -93,7 +93,7 @@ def _give_one(uv: F8, area: F8, piece: I4, count: int, size: int, face: I4, bary
 
 
 @njit(cache=True)
-def _free(face: I4, size: int, y: float, x: float) -> tuple[int, int]:
+def free_texel(face: I4, size: int, y: float, x: float) -> tuple[int, int]:
     """Free texel nearest to (y, x), or (-1, -1)."""
     top, left = int(np.rint(y)), int(np.rint(x))
     best, row, column = np.inf, -1, -1

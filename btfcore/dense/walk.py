@@ -35,7 +35,9 @@ def outer_walks(grid: TexelGrid, pieces: int) -> Walks:
     """
     vertex, start, outer = _trace(grid.number, grid.texel, grid.edges, grid.filled)
     island = _islands(grid.number, grid.texel, grid.edges)
-    vertex, ahead, first = _bridge(grid.number, grid.texel, grid.piece, island, vertex, start, outer)
+    vertex, ahead, first = _bridge(
+        grid.number, grid.texel, grid.piece, island, vertex, start, outer
+    )
     holes = start[:-1][~outer]
     heads = np.full(pieces, -1, np.int32)
     heads[grid.piece[vertex[first]]] = first

@@ -20,18 +20,20 @@ _CELLS = 4_000_000  # of the dynamic programme; longer arcs are kept in a band
 _BAND = 64
 
 
-def zip_seams(points: F8, walks: Walks, corners: Corners, pieces: int) -> tuple[I4, I4]:
+def zip_seams(points: F8, walks: Walks, corners: Corners, pieces: int) -> tuple[I4, I4, I4]:
     """Triangles between the walks and who is opposite whom.
 
-    points (N, 3) f8. Returns faces (M, 3) i4 and twin (3M,) i4: the opposite half-edge
-    (3 face + k, from corner k to k + 1), WALL where a walk's edge lies beyond and OPEN at the
-    surface's boundary.
+    points (N, 3) f8. Returns faces (M, 3) i4; twin (3M,) i4: the opposite half-edge
+    (3 face + k, from corner k to k + 1), WALL where a walk's edge lies beyond, OPEN at the
+    surface's boundary and POINT where a side has shrunk to nothing (`without_points` takes
+    these out); cross (C,) i4: the open half-edge by which the boundary goes on from a corner
+    to the next one about its node, OPEN where an edge without any triangle does, POINT where
+    both corners are one (used at nodes on the boundary only).
     """
     chains, first, sizes, mine = _chains(walks.vertex, walks.start, pieces, *_arcs(corners))
     faces, twin, port = _strips(np.ascontiguousarray(points), chains, first, sizes)
-    faces, twin = _nodes(np.ascontiguousarray(points), walks.vertex, corners.place, corners.mate,
-                         corners.around, mine, port, faces, twin)  # fmt: skip
-    return _without_points(faces, twin)
+    return _nodes(np.ascontiguousarray(points), walks.vertex, corners.place, corners.mate,
+                  corners.around, mine, port, faces, twin)  # fmt: skip
 
 
 def _arcs(corners: Corners) -> tuple[I4, I4, I4, I4]:
@@ -178,7 +180,7 @@ def _strips(points: F8, rows: I4, first: I4, size: I4) -> tuple[I4, I4, I4]:
 def _nodes(
     points: F8, vertex: I4, place: I4, mate: I4, around: I4, strip_of: I4, port: I4,
     faces: I4, twin: I4,
-) -> tuple[I4, I4]:  # fmt: skip
+) -> tuple[I4, I4, I4]:  # fmt: skip
     """Fill the nodes with fans and join everything that meets at the strips' ends."""
     strips = len(port)
     outside = np.full(2 * strips, POINT, np.int32)
@@ -225,7 +227,11 @@ def _nodes(
         for end in range(2):
             if port[strip, end] >= 0:
                 beyond[port[strip, end]] = _beyond(2 * strip + end, port, outside)
-    return more[:count].copy(), beyond[: 3 * count].copy()
+    cross = np.full(len(place), POINT, np.int32)
+    for corner in range(len(place)):
+        if mate[corner] >= 0:
+            cross[corner] = _within(_port(corner, mate, strip_of), port, outside)
+    return more[:count].copy(), beyond[: 3 * count].copy(), cross
 
 
 @njit(cache=True)
@@ -293,9 +299,11 @@ def _side(half: int, arc: int, mate: I4, strip_of: I4, outside: I4, twin: I4) ->
 
 
 @njit(cache=True)
-def _without_points(faces: I4, twin: I4) -> tuple[I4, I4]:
-    """Take out triangles of which one side has shrunk to a point; their other sides meet."""
-    gone = np.zeros(len(faces), np.bool_)
+def without_points(faces: I4, twin: I4, gone: np.ndarray) -> tuple[I4, I4]:
+    """Take out triangles of which one side has shrunk to a point; their other sides meet.
+
+    gone (M,) bool: triangles that are left out in any case; it is written to.
+    """
     stack = np.empty(len(twin), np.int32)
     count = 0
     for half in range(len(twin)):
