@@ -55,7 +55,7 @@ FLOORS = {
     "app.commands": 5,
     "app.tasks": 5,
     "app.theme": 5,
-    "app.thumbnails": 5,
+    "app.theme": 5,
     "app.camera": 6,
     "app.operations": 6,
     "app.scene": 7,
