@@ -12,7 +12,7 @@ can_open_a_window() {
 }
 
 if can_open_a_window; then
-    exec .venv/bin/patina gui "$mesh"
+    exec .venv/bin/patina gui --script demo
 fi
 echo "patina: no display here, so the demo runs without a window"
 mkdir -p out
