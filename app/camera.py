@@ -47,7 +47,7 @@ class Turntable:
         reach = 2 * self.distance * np.tan(np.radians(ANGLE / 2))
         x, y, _ = self.axes()
         focus = np.asarray(self.focus) - reach * (right * x + up * y)
-        return replace(self, focus=tuple(map(float, focus)))
+        return replace(self, focus=_triple(focus))
 
     def zoomed(self, factor: float, *, nearest: float = 0.01, farthest: float = 100.0) -> Turntable:
         """Enlarge the picture by `factor`."""
@@ -69,4 +69,8 @@ class Turntable:
         middle = (z.max() + z.min()) / 2
         focus = np.array([(right - left) / 2, (above - below) / 2, middle]) @ self.axes()
         distance = max(float(eye - middle), 1e-3)
-        return replace(self, focus=tuple(map(float, focus)), distance=distance)
+        return replace(self, focus=_triple(focus), distance=distance)
+
+
+def _triple(point: F8) -> tuple[float, float, float]:
+    return float(point[0]), float(point[1]), float(point[2])

@@ -51,6 +51,7 @@ class Scene:
         self._centre: F8 = np.zeros(3)
         self._scale = 1.0
         self._points: F8 = np.zeros((0, 3))
+        self._smooth = False
         self.camera = Turntable()
         plotter.set_background(BOTTOM, top=TOP)
         plotter.remove_all_lights()
@@ -69,10 +70,13 @@ class Scene:
             self._points = np.zeros((0, 3))
             return
         low, high = surface.positions.min(axis=0), surface.positions.max(axis=0)
+        radius = float(np.linalg.norm(high / 2 - low / 2))
         self._centre = low / 2 + high / 2
-        self._scale = float(1.0 / max(np.linalg.norm(high / 2 - low / 2), 1e-300))
+        self._scale = 1.0 / max(radius, 1e-300)
         self._points = self._placed(surface.positions)
-        mesh = pv.PolyData.from_regular_faces(self._points.astype(np.float32), surface.faces)
+        points: Any = self._points.astype(np.float32)
+        faces: Any = surface.faces
+        mesh = pv.PolyData.from_regular_faces(points, faces)
         mesh.point_data.active_normals = surface.normals
         mesh.point_data.active_texture_coordinates = surface.uv
         self._actor = self._plotter.add_mesh(
@@ -144,6 +148,15 @@ class Scene:
         camera.view_angle = ANGLE
         away = float(np.linalg.norm(self.camera.position))
         camera.clipping_range = (max(away - 1.2, 0.004), away + 1.2)
+
+    def smooth_edges(self, wanted: bool) -> None:
+        """Draw four times the pixels and average them, or not."""
+        if wanted is not self._smooth:
+            self._smooth = wanted
+            if wanted:
+                self._plotter.enable_anti_aliasing("ssaa")
+            else:
+                self._plotter.disable_anti_aliasing()
 
     def _placed(self, positions: F8) -> F8:
         """World positions in the unit ball."""

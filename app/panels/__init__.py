@@ -1,0 +1,1 @@
+"""Parts of the window that show the document and ask it to change."""

@@ -1,0 +1,94 @@
+"""The button that starts a synthesis, and what is told while it runs."""
+
+from __future__ import annotations
+
+from PyQt6.QtCore import pyqtSignal
+from PyQt6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QPushButton, QVBoxLayout, QWidget
+
+from app.document import Document
+from app.tasks import Tasks
+from app.theme import named
+
+
+class RunPanel(QWidget):
+    """Synthesize, a bar of progress with the phase's name and the time left, and Cancel."""
+
+    wanted = pyqtSignal()
+    cancel_wanted = pyqtSignal()
+    export_wanted = pyqtSignal()
+
+    def __init__(self, document: Document, tasks: Tasks, parent: QWidget | None = None) -> None:
+        """Follow the jobs of `tasks`."""
+        super().__init__(parent)
+        self._document, self._tasks = document, tasks
+        self.start = named(QPushButton(self.tr("Synthesize")), "primary")
+        self.start.clicked.connect(self.wanted)
+        self.export = QPushButton(self.tr("Export…"))
+        self.export.setToolTip(self.tr("Save the decorated mesh as GLB, OBJ or PLY"))
+        self.export.clicked.connect(self.export_wanted)
+        self.cancel = QPushButton(self.tr("Cancel"))
+        self.cancel.setToolTip(self.tr("Stop and go back to the state before (Esc)"))
+        self.cancel.clicked.connect(self.cancel_wanted)
+        self.bar = QProgressBar()
+        self.bar.setRange(0, 1000)
+        self.bar.setAccessibleName(self.tr("Progress"))
+        self.label = named(QLabel(), "faint")
+        below = QHBoxLayout()
+        below.addWidget(self.bar, 1)
+        below.addWidget(self.cancel)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(self.start)
+        layout.addLayout(below)
+        layout.addWidget(self.label)
+        layout.addWidget(self.export)
+        tasks.started.connect(self._started)
+        tasks.progressed.connect(self._progressed)
+        tasks.cancelled.connect(lambda name: self.label.setText(self.tr("Cancelled")))
+        tasks.finished.connect(lambda name, value: self.label.clear())
+        tasks.failed.connect(lambda name, text: self.label.clear())
+        tasks.idle.connect(self._refresh)
+        for changed in (document.mesh_changed, document.sample_chosen, document.result_changed):
+            changed.connect(self._refresh)
+        self._refresh()
+
+    def _refresh(self) -> None:
+        busy = self._tasks.busy
+        document = self._document
+        missing = []
+        if document.opened is None:
+            missing.append(self.tr("Open a mesh."))
+        if document.sample_path is None:
+            missing.append(self.tr("Choose a sample."))
+        ready = self.tr("Cover the mesh with the chosen sample (Ctrl+R)")
+        self.start.setEnabled(not busy and not missing)
+        self.start.setToolTip(" ".join(missing) or ready)
+        self.bar.setVisible(busy)
+        self.cancel.setVisible(busy)
+        self.export.setVisible(not busy)
+        self.export.setEnabled(document.decoration is not None)
+        if missing and not busy:
+            self.label.setText(" ".join(missing))
+        elif not busy and document.decoration is None:
+            self.label.clear()
+        self.label.setVisible(bool(self.label.text()) or busy)
+
+    def _started(self, name: str) -> None:
+        names = {"open": self.tr("Opening"), "export": self.tr("Exporting")}
+        self.bar.setValue(0)
+        self.label.setText(names.get(name, self.tr("Starting")))
+        self._refresh()
+
+    def _progressed(self, fraction: float, label: str, left: float) -> None:
+        self.bar.setValue(round(fraction * 1000))
+        text = label[:1].upper() + label[1:]
+        if left >= 0:
+            text = self.tr("{0} · {1} left").format(text, _duration(left))
+        self.label.setText(text)
+
+
+def _duration(seconds: float) -> str:
+    """Write a rough duration."""
+    if seconds < 60:
+        return f"{max(round(seconds), 1)} s"
+    return f"{round(seconds / 60)} min"

@@ -1,0 +1,163 @@
+"""One background job at a time, its progress and its end told to the window's thread."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from PyQt6.QtCore import QObject, QRunnable, QThreadPool, pyqtSignal
+
+from btfcore.errors import Cancelled, PatinaError
+from btfcore.progress import Progress
+
+SHOW_S = 0.04  # progress is told no oftener than this
+
+
+class Report(Protocol):
+    """What a job is given to show a partial result: ``report(name, value)``."""
+
+    def __call__(self, name: str, value: Any, *, droppable: bool = False) -> None:
+        """Hand `value` to the window's thread; a droppable one only if that keeps up."""
+
+
+Job = Callable[[Progress, Report], Any]
+
+
+class Tasks(QObject):
+    """Runs jobs one after the other in a worker thread; every signal arrives on its own thread.
+
+    progressed(fraction, label, seconds left or -1) ; reported(name, value): partial results ;
+    then exactly one of finished(value), failed(text), cancelled() ; and idle() after it.
+    """
+
+    started = pyqtSignal(str)
+    progressed = pyqtSignal(float, str, float)
+    reported = pyqtSignal(str, object)
+    finished = pyqtSignal(str, object)
+    failed = pyqtSignal(str, str)
+    cancelled = pyqtSignal(str)
+    idle = pyqtSignal()
+
+    def __init__(self, parent: QObject | None = None) -> None:
+        """Start idle."""
+        super().__init__(parent)
+        self._pool = QThreadPool(self)
+        self._pool.setMaxThreadCount(1)
+        self._running: _Worker | None = None
+
+    @property
+    def busy(self) -> bool:
+        """A job is running or its end has not been told yet."""
+        return self._running is not None
+
+    def start(self, name: str, job: Job) -> bool:
+        """Run ``job(progress, report)`` in the background; False where one is running."""
+        if self.busy:
+            return False
+        worker = _Worker(name, job)
+        self._running = worker
+        worker.signals.progressed.connect(self.progressed)
+        worker.signals.reported.connect(self._pass_on)
+        worker.signals.ended.connect(self._end)
+        self.started.emit(name)
+        self._pool.start(worker)
+        return True
+
+    def cancel(self) -> None:
+        """Ask the running job to stop at its next report of progress."""
+        if self._running is not None:
+            self._running.stop.set()
+
+    def wait(self, milliseconds: int = -1) -> bool:
+        """Block until the worker thread is through; its signals may still be queued."""
+        return self._pool.waitForDone(milliseconds)
+
+    def _pass_on(self, name: str, value: object) -> None:
+        self.reported.emit(name, value)
+        if self._running is not None:
+            self._running.shown.set()
+
+    def _end(self, outcome: str, value: object) -> None:
+        worker, self._running = self._running, None
+        if worker is None:
+            return
+        if outcome == "finished":
+            self.finished.emit(worker.name, value)
+        elif outcome == "failed":
+            self.failed.emit(worker.name, str(value))
+        else:
+            self.cancelled.emit(worker.name)
+        if not self.busy:  # nobody started the next one while hearing of this one's end
+            self.idle.emit()
+
+
+class _Signals(QObject):
+    progressed = pyqtSignal(float, str, float)
+    reported = pyqtSignal(str, object)
+    ended = pyqtSignal(str, object)
+
+
+class _Worker(QRunnable):
+    """A job with its flags; lives in the pool's thread, its signals cross over."""
+
+    def __init__(self, name: str, job: Job) -> None:
+        super().__init__()
+        self.name = name
+        self.signals = _Signals()
+        self.stop = threading.Event()
+        self.shown = threading.Event()  # the window has taken the last report
+        self.shown.set()
+        self._job = job
+        self._clock = Clock()
+        self._told = 0.0
+
+    def run(self) -> None:
+        """Run the job and tell how it ended, whatever it raises."""
+        try:
+            value = self._job(self._progress, self._report)
+        except Cancelled:
+            self.signals.ended.emit("cancelled", None)
+        except PatinaError as error:
+            self.signals.ended.emit("failed", str(error))
+        except MemoryError:
+            self.signals.ended.emit("failed", "there is not enough memory for this")
+        except Exception as error:  # a defect of ours must not take the window down
+            self.signals.ended.emit("failed", f"internal error: {type(error).__name__}: {error}")
+        else:
+            self.signals.ended.emit("finished", value)
+
+    def _progress(self, fraction: float, label: str) -> None:
+        if self.stop.is_set():
+            raise Cancelled
+        now = time.monotonic()
+        left = self._clock.left(fraction, now)
+        if now - self._told >= SHOW_S or fraction >= 1.0:
+            self._told = now
+            self.signals.progressed.emit(min(max(fraction, 0.0), 1.0), label, left)
+
+    def _report(self, name: str, value: object, *, droppable: bool = False) -> None:
+        if droppable and not self.shown.is_set():
+            return
+        self.shown.clear()
+        self.signals.reported.emit(name, value)
+
+
+class Clock:
+    """Estimates the seconds left from how fast the fraction has grown lately."""
+
+    def __init__(self) -> None:
+        """Start without an estimate."""
+        self._marks: list[tuple[float, float]] = []
+
+    def left(self, fraction: float, now: float) -> float:
+        """Seconds left, or -1 while nothing can be said (`now` in seconds, any origin)."""
+        if not self._marks or fraction < self._marks[-1][1]:
+            self._marks = [(now, fraction)]
+        elif now - self._marks[-1][0] >= 0.2:
+            self._marks = [*self._marks[-40:], (now, fraction)]
+        start, first = self._marks[0]
+        if now - start < 0.5 or fraction - first < 0.02:
+            return -1.0
+        return (1.0 - fraction) * (now - start) / (fraction - first)
