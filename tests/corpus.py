@@ -53,11 +53,12 @@ def main() -> int:
     parser.add_argument("--rate", type=int, default=256)
     parser.add_argument("--limit", type=float, default=120, help="seconds per input")
     parser.add_argument("--only", default="", help="run inputs whose name holds this word")
+    parser.add_argument("--made", action="store_true", help="leave the data folder out")
     chosen = parser.parse_args()
     rows: list[Row] = []
     with tempfile.TemporaryDirectory(prefix="patina-corpus-") as name:
         write_row(HEAD)
-        for row in runs(Path(name), chosen.rate, chosen.limit, chosen.only):
+        for row in runs(Path(name), chosen):
             rows.append(row)
             show(row)
     faulty = [row for row in rows if row.faults]
@@ -65,17 +66,18 @@ def main() -> int:
     return 1 if faulty or not rows else 0
 
 
-def runs(scratch: Path, rate: int, limit: float, only: str) -> Iterator[Row]:
+def runs(scratch: Path, chosen: argparse.Namespace) -> Iterator[Row]:
     """Every run of the corpus in turn."""
+    rate, limit, only = chosen.rate, chosen.limit, chosen.only
     sample, ball = scratch / "sample.png", scratch / "ball.obj"
     write_sample(sample)
     ball.write_text(sphere_obj())
-    if DATA.is_dir():
+    if DATA.is_dir() and not chosen.made:
         real = DATA / "textures" / "brick_gray512.png"
         for mesh in sorted((DATA / "meshes").iterdir()):
             if only in mesh.name:
                 yield run(mesh.name, mesh, real, scratch, EITHER, rate, limit)
-    else:
+    elif not chosen.made:
         say("the folder of real inputs, ../shared/data, is not here: only made inputs run")
     for name, (mesh, ending) in bad_meshes(scratch / "meshes").items():
         if only in name:
@@ -157,9 +159,11 @@ def judge(row: Row, target: Path, work: Path) -> None:
             row.faults.append(f"{key} is not finite")
     if not is_manifold(quilt["faces"]):
         row.faults.append("the dense mesh is not manifold")
-    if before["boundary_loops"] != after["boundary_loops"]:
+    # what repair took apart may hold pieces smaller than a texel, which may merge or vanish
+    apart = any("taken apart" in note for note in before["notes"])
+    if not apart and before["boundary_loops"] != after["boundary_loops"]:
         row.faults.append(f"boundary loops {before['boundary_loops']} → {after['boundary_loops']}")
-    if before["euler"] != after["euler"]:
+    if not apart and before["euler"] != after["euler"]:
         row.faults.append(f"Euler number {before['euler']} → {after['euler']}")
     if covered < 1:
         row.faults.append(f"only {covered:.2%} covered")
@@ -208,9 +212,9 @@ def read_only(folder: Path) -> Iterator[Path | None]:
 
 @contextlib.contextmanager
 def tiny_disk(folder: Path) -> Iterator[Path | None]:
-    """A file system of 64 KiB; None where it cannot be mounted."""
+    """A file system of 16 KiB; None where it cannot be mounted."""
     folder.mkdir()
-    command = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(folder)]
+    command = ["mount", "-t", "tmpfs", "-o", "size=16k", "tmpfs", str(folder)]
     try:
         mounted = subprocess.run(command, capture_output=True, check=False).returncode == 0
     except OSError:
