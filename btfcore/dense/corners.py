@@ -13,6 +13,8 @@ from btfcore.types import F8, I4, Frozen
 
 _TRIES = 8  # places that are tried for a piece's first corner
 _CELLS = 4_000_000  # of the dynamic programme; above, only one place is tried
+_SPACING = 4.0  # texels between the marks set along arcs
+_MARKS = 64  # per piece, at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,15 +39,15 @@ class Corners(Frozen):
 def place_corners(uv: F8, pieces: Pieces, walks: Walks, texel: I4) -> Corners:
     """Break borders where other than two pieces meet, and assign the corners to walks.
 
-    The assignment is monotone along the walk and minimises the squared distance in texels.
-    Where two disks meet along their whole border three corners are set.
+    The assignment is monotone along the walk and minimises the squared distance in texels,
+    of the corners and of marks set between them: without these, two corners at one place (a
+    chart that touches itself) could swallow the arc between them. Where two disks meet along their whole border three corners are set.
     """
     uv = np.ascontiguousarray(uv)
     is_corner = _corner_flags(pieces.twin, pieces.ahead, pieces.behind)
     half, start = _list_corners(is_corner, pieces.piece, pieces.count, pieces.ahead)
     mate, around = _link(half, is_corner, pieces.twin, pieces.ahead, pieces.behind)
-    target = uv.reshape(-1, 2)[half]
-    place, steps = _assign_all(target, start, walks.vertex, walks.start, texel)
+    place, steps = _assign_all(uv, half, start, pieces.ahead, walks.vertex, walks.start, texel)
     return Corners(half, place, steps, mate, around, start)
 
 
@@ -123,52 +125,105 @@ def _link(half: I4, flag: np.ndarray, twin: I4, ahead: I4, behind: I4) -> tuple[
 
 
 @njit(cache=True)
-def _assign_all(target: F8, start: I4, vertex: I4, begin: I4, texel: I4) -> tuple[I4, I4]:
-    place = np.zeros(len(target), np.int32)
-    steps = np.zeros(len(target), np.int32)
+def _assign_all(
+    uv: F8, half: I4, start: I4, ahead: I4, vertex: I4, begin: I4, texel: I4
+) -> tuple[I4, I4]:
+    place = np.zeros(len(half), np.int32)
+    steps = np.zeros(len(half), np.int32)
     for piece in range(len(start) - 1):
         low, high = start[piece], start[piece + 1]
-        if low < high:
-            walk = texel[vertex[begin[piece] : begin[piece + 1]]]
-            where, run = assign(target[low:high], walk)
-            for corner in range(low, high):
-                place[corner] = begin[piece] + where[corner - low]
-                steps[corner] = run[corner - low]
+        if low == high:
+            continue
+        walk = texel[vertex[begin[piece] : begin[piece + 1]]]
+        target, row = _marks(uv, half[low:high], ahead)
+        along = assign(target, walk)
+        for corner in range(low, high):
+            here = along[row[corner - low]]
+            place[corner] = begin[piece] + here % len(walk)
+            if corner + 1 < high:
+                steps[corner] = along[row[corner + 1 - low]] - here
+            else:
+                steps[corner] = (len(walk) if len(walk) > 1 else 0) - (here - along[0])
     return place, steps
 
 
 @njit(cache=True)
-def assign(target: F8, walk: I4) -> tuple[I4, I4]:
-    """Monotone cyclic assignment of corners to positions of one walk.
+def _marks(uv: F8, half: I4, ahead: I4) -> tuple[F8, I4]:
+    """Points (T, 2) along one piece's border, and which of them are its corners, (k,) i4."""
+    length = 0.0
+    here = half[0]
+    while True:
+        length += _length(uv, here)
+        here = ahead[here]
+        if here == half[0]:
+            break
+    spacing = max(_SPACING, length / _MARKS)
+    target = np.empty((len(half) + int(length / spacing) + 2, 2))
+    row = np.empty(len(half), np.int32)
+    count = corners = 0
+    run = 0.0
+    while True:
+        face, k = here // 3, here % 3
+        if corners < len(half) and half[corners] == here:
+            target[count] = uv[face, k]
+            row[corners] = count
+            count, corners, run = count + 1, corners + 1, 0.0
+        size = _length(uv, here)
+        place = spacing - run
+        while place < size and count < len(target):
+            target[count] = uv[face, k] + (uv[face, (k + 1) % 3] - uv[face, k]) * (place / size)
+            count += 1
+            place += spacing
+        run = size - (place - spacing)
+        here = ahead[here]
+        if here == half[0]:
+            break
+    return target[:count], row
+
+
+@njit(cache=True)
+def _length(uv: F8, half: int) -> float:
+    face, k = half // 3, half % 3
+    x = uv[face, (k + 1) % 3, 0] - uv[face, k, 0]
+    y = uv[face, (k + 1) % 3, 1] - uv[face, k, 1]
+    return np.sqrt(x * x + y * y)
+
+
+@njit(cache=True)
+def assign(target: F8, walk: I4) -> I4:
+    """Monotone cyclic assignment of points to positions of one walk.
 
     target (k, 2) f8 (column, row), k ≥ 1; walk (L, 2) i4 (row, column). Returns positions
-    (k,) i4 and the steps from each to the next corner's, (k,) i4, which sum to L (to 0 where
-    L is 1).
+    (k,) i4, ascending: the first below L, the last at most L beyond it, modulo L on the walk.
     """
+    along = np.zeros(len(target), np.int32)
     corners, length = len(target), len(walk)
-    place = np.zeros(corners, np.int32)
-    steps = np.zeros(corners, np.int32)
     if length < 2:
-        return place, steps
+        return along
     tries = _TRIES if corners * length <= _CELLS else 1
+    floor = 0.0  # what no assignment can undercut
+    for corner in range(corners):
+        best = np.inf
+        for i in range(length):
+            best = min(best, _far(walk, i, target, corner))
+        floor += best
     near = np.empty(length)
     for i in range(length):
-        near[i] = (walk[i, 1] - target[0, 0]) ** 2 + (walk[i, 0] - target[0, 1]) ** 2
+        near[i] = _far(walk, i, target, 0)
     order = np.argsort(near, kind="mergesort")
     least = np.inf
     cost = np.empty(length + 1)
     choice = np.empty((corners, length + 1), np.int32)
     for attempt in range(min(tries, length)):
         first = order[attempt]
-        if near[first] > least:
+        if near[first] > least or least <= floor * (1 + 1e-9):
             break
         cost[:] = near[first]
         for corner in range(1, corners):
             best, at = np.inf, 0
             for step in range(length + 1):
-                i = (first + step) % length
-                far = (walk[i, 1] - target[corner, 0]) ** 2 + (walk[i, 0] - target[corner, 1]) ** 2
-                total = cost[step] + far
+                i = first + step
+                total = cost[step] + _far(walk, i - length if i >= length else i, target, corner)
                 if total < best:
                     best, at = total, step
                 cost[step] = best
@@ -177,11 +232,14 @@ def assign(target: F8, walk: I4) -> tuple[I4, I4]:
             continue
         least = cost[length]
         step = length
-        after_it = length
         for corner in range(corners - 1, 0, -1):
             step = choice[corner, step]
-            place[corner] = (first + step) % length
-            steps[corner] = after_it - step
-            after_it = step
-        place[0], steps[0] = first, after_it
-    return place, steps
+            along[corner] = first + step
+        along[0] = first
+    return along
+
+
+@njit(cache=True)
+def _far(walk: I4, i: int, target: F8, corner: int) -> float:
+    x, y = walk[i, 1] - target[corner, 0], walk[i, 0] - target[corner, 1]
+    return x * x + y * y
