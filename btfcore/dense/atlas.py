@@ -2,38 +2,82 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from btfcore.dense.charts import Charts, true_to_size
+from btfcore.dense.flatten import flatten_charts
+from btfcore.dense.labels import fill
 from btfcore.dense.pack import pack
-from btfcore.guard import run_guarded
+from btfcore.dense.segment import segment
+from btfcore.dense.transfer import transfer
+from btfcore.errors import AtlasFailed, GuardedFailure
+from btfcore.guard import Arrays, Options, run_guarded
+from btfcore.mesh.topology import twins
 from btfcore.progress import Progress, between, silent
 from btfcore.types import Atlas, Mesh
 
+_DIRECT = 8000  # faces up to which xatlas is given the mesh itself; its time is super-linear
+_PROXY = 5000  # faces of the proxy that it is given instead of larger meshes
+_COST = 8.0  # bound on a chart's cost in xatlas
+_LABEL = "cutting the surface into charts"
+
 
 def build_atlas(
-    mesh: Mesh, *, rate: int, limit_s: float = 60.0, progress: Progress = silent
+    mesh: Mesh, *, rate: int, limit_s: float = 40.0, progress: Progress = silent
 ) -> Atlas:
     """Atlas of `mesh` itself in a rate x rate image; deterministic.
 
     mesh : manifold, perhaps with boundary and of many components, coherently wound. `limit_s`
     bounds the time of the helper process that runs foreign code. See `chart_mesh` and `pack`;
     to pack the same charts at another rate, call these two. Raises `AtlasFailed` where the
-    image has too few texels.
+    image has fewer texels than the mesh has charts.
     """
-    charts = chart_mesh(mesh, limit_s=limit_s, progress=between(progress, 0.0, 0.8))
-    progress(0.8, "packing charts")
+    charts = chart_mesh(mesh, limit_s=limit_s, progress=between(progress, 0.0, 0.85))
+    progress(0.85, "packing charts")
     atlas = pack(charts, rate=rate)
-    progress(1.0, "packed charts")
+    progress(1.0, "packing charts")
     return atlas
 
 
-def chart_mesh(mesh: Mesh, *, limit_s: float = 60.0, progress: Progress = silent) -> Charts:
-    """Cut `mesh` into charts and flatten each to true size, whatever the sampling rate."""
-    arrays, _ = run_guarded(
-        "btfcore.dense.xatlas_door:chart_mesh",
-        {"vertices": mesh.vertices, "faces": mesh.faces},
-        {"max_cost": 8.0},
-        limit_s=limit_s,
-        progress=progress,
-        label="cutting the surface into charts",
+def chart_mesh(mesh: Mesh, *, limit_s: float = 40.0, progress: Progress = silent) -> Charts:
+    """Cut `mesh` into charts and flatten each to true size, whatever the sampling rate.
+
+    Small meshes go to xatlas as they are, larger ones as a decimated proxy whose charts are
+    carried over. Where the helper process crashes, hangs or fails, charts are grown from face
+    normals instead.
+    """
+    foreign = between(progress, 0.0, 0.7)
+    try:
+        if len(mesh.faces) <= _DIRECT:
+            task = "btfcore.dense.xatlas_door:chart_mesh"
+            found = _run(task, mesh, limit_s, foreign)
+            return _flattened(mesh, found, between(progress, 0.7, 1.0))
+        task = "btfcore.dense.xatlas_door:chart_proxy"
+        found = _run(task, mesh, limit_s, foreign)
+        few = Mesh(found["vertices"], found["faces"])
+        proxy = _flattened(few, found, between(progress, 0.7, 0.8))
+        chart, uv, usable = transfer(proxy, mesh, found["nearest"])
+    except (GuardedFailure, AtlasFailed):
+        progress(0.7, _LABEL)
+        chart, uv, usable = segment(mesh)
+        return flatten_charts(mesh, chart, uv, usable=usable, progress=between(progress, 0.7, 1.0))
+    return flatten_charts(
+        mesh, chart, uv, usable=usable, join=False, progress=between(progress, 0.8, 1.0)
     )
-    return Charts(mesh, true_to_size(mesh, arrays["uv"], arrays["chart"]), arrays["chart"])
+
+
+def _run(task: str, mesh: Mesh, limit_s: float, progress: Progress) -> Arrays:
+    arrays: Arrays = {"vertices": mesh.vertices, "faces": mesh.faces}
+    options: Options = {"max_cost": _COST, "faces": _PROXY}
+    found, _ = run_guarded(task, arrays, options, limit_s=limit_s, progress=progress, label=_LABEL)
+    if not np.isfinite(found["uv"]).all() or found["chart"].max(initial=-1) < 0:
+        raise AtlasFailed("xatlas made no charts")
+    return found
+
+
+def _flattened(mesh: Mesh, found: Arrays, progress: Progress) -> Charts:
+    """Sound charts of xatlas's own mesh; faces that it left out join their neighbours."""
+    placed = found["chart"] >= 0
+    chart = fill(found["chart"], twins(mesh.faces))
+    uv = true_to_size(mesh, found["uv"], chart)
+    return flatten_charts(mesh, chart, uv, usable=placed, progress=progress)

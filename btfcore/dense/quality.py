@@ -1,0 +1,114 @@
+"""How well charts lie flat: mirrored faces, overlaps and stretch, chart by chart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from btfcore.dense.unwrap import C16
+from btfcore.types import F8, I4, I8
+
+_GRID = 96  # overlaps are looked for on this many cells a side of a chart's bounding box
+_FAR = 1.5  # a face stretched or squeezed by more is a bad one
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Shares of a chart's area, (C,) f8 each.
+
+    mirrored; overlap: sample points covered twice or more over all covered; bad: faces whose
+    singular values leave [1/1.5, 1.5]; strain: mean of (s1-1)² + (s2-1)². culprit (C, 2) i4:
+    two faces that lie one over the other, or the largest mirrored face twice; else -1.
+    """
+
+    mirrored: F8
+    overlap: F8
+    bad: F8
+    strain: F8
+    culprit: I4
+
+
+def measure(chart: I4, count: int, shape: C16, place: C16) -> Quality:
+    """Quality of charts 0 … count-1; shape and place (F, 3) c16, edges and flat corners."""
+    area = np.abs((shape[:, 0].conj() * -shape[:, 2]).imag) / 2
+    edge = np.roll(place, -1, axis=1) - place
+    signed = (edge[:, 0].conj() * -edge[:, 2]).imag / 2
+    along, across = _derivatives(shape, edge)
+    larger, smaller = np.abs(along) + np.abs(across), np.abs(along) - np.abs(across)
+    whole = np.maximum(np.bincount(chart, area, count), np.finfo(float).tiny)
+    strain = (larger - 1) ** 2 + (smaller - 1) ** 2
+    bad = (larger > _FAR) | (smaller < 1 / _FAR)
+    order = np.argsort(chart, kind="stable")
+    bounds = np.searchsorted(chart[order], np.arange(count + 1))
+    culprit = np.full((count, 2), -1, np.int32)
+    overlap = _overlaps(place.view(np.float64).reshape(-1, 3, 2), signed, order, bounds, culprit)
+    return Quality(
+        np.bincount(chart, np.where(signed < 0, area, 0), count) / whole,
+        overlap,
+        np.bincount(chart, np.where(bad, area, 0), count) / whole,
+        np.bincount(chart, area * strain, count) / whole,
+        culprit,
+    )
+
+
+def _derivatives(shape: C16, edge: C16) -> tuple[C16, C16]:
+    """Each face's map as z -> along * z + across * conj(z)."""
+    p, q = shape[:, 0], -shape[:, 2]
+    u, v = edge[:, 0], -edge[:, 2]
+    cross = p * q.conj() - p.conj() * q
+    flat = np.abs(cross) <= 1e-12 * np.abs(p) * np.abs(q)
+    cross = np.where(flat, 1, cross)
+    along = np.where(flat, 1, (u * q.conj() - v * p.conj()) / cross)
+    across = np.where(flat, 0, (p * v - q * u) / cross)
+    return along, across
+
+
+@njit(cache=True)
+def _overlaps(place: F8, signed: F8, order: I8, bounds: I8, culprit: I4) -> F8:
+    """Share of covered sample points that more than one face covers."""
+    count = len(bounds) - 1
+    overlap = np.zeros(count)
+    owner = np.empty((_GRID, _GRID), np.int32)
+    for c in range(count):
+        faces = order[bounds[c] : bounds[c + 1]]
+        if len(faces) < 2:
+            continue
+        low_x = low_y = np.inf
+        high_x = high_y = -np.inf
+        largest = 0.0
+        for f in faces:
+            if signed[f] < largest:
+                largest = signed[f]
+                culprit[c] = f
+            for k in range(3):
+                low_x, high_x = min(low_x, place[f, k, 0]), max(high_x, place[f, k, 0])
+                low_y, high_y = min(low_y, place[f, k, 1]), max(high_y, place[f, k, 1])
+        step = max(high_x - low_x, high_y - low_y) / (_GRID - 1)
+        if not step > 0:
+            continue
+        owner[:] = -1
+        hits, twice = 0, 0
+        for f in faces:
+            ax, ay = (place[f, 0, 0] - low_x) / step, (place[f, 0, 1] - low_y) / step
+            bx, by = (place[f, 1, 0] - low_x) / step, (place[f, 1, 1] - low_y) / step
+            cx, cy = (place[f, 2, 0] - low_x) / step, (place[f, 2, 1] - low_y) / step
+            area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+            if area == 0:
+                continue
+            for y in range(max(int(np.ceil(min(ay, by, cy))), 0), int(max(ay, by, cy)) + 1):
+                for x in range(max(int(np.ceil(min(ax, bx, cx))), 0), int(max(ax, bx, cx)) + 1):
+                    one = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / area
+                    two = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / area
+                    if one <= 1e-9 or two <= 1e-9 or 1 - one - two <= 1e-9:
+                        continue  # strictly inside, so that neighbours do not share points
+                    if owner[y, x] >= 0:
+                        if twice == 0 and largest == 0.0:
+                            culprit[c, 0], culprit[c, 1] = owner[y, x], f
+                        twice += 1
+                    else:
+                        owner[y, x] = f
+                        hits += 1
+        overlap[c] = twice / max(hits, 1)
+    return overlap
