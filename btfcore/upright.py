@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csc_array, diags_array
-from scipy.sparse.linalg import SuperLU, splu
 
 from btfcore.clusters import Clusters
 from btfcore.connection import C16, frames, transports
+from btfcore.hermitian import HermitianSolver, dissected
 from btfcore.types import F8
 
 PULLS = (0.0, 3.0, 10.0)  # weights of uprightness against smoothness, tried in turn
@@ -38,8 +38,12 @@ def upright_tangents(clusters: Clusters, *, up: F8, away: F8) -> F8:
     skew = np.stack([np.cross(up, away), up, away], axis=1) @ SKEW
     target = _coordinates(wish, s, t)
     start = target + 0.3 * _coordinates(skew, s, t)
-    smooth = _smoothest(energy, mass, clusters, start)
-    direction = _pulled(energy, mass, clusters, _turned(smooth, target, mass, clusters), target)
+    order = dissected(clusters.points, clusters.edges)
+    rest = HermitianSolver(csc_array(energy + diags_array(SHIFT * mass)), order)
+    smooth = _smoothest(rest, mass, clusters, start)
+    drive = HermitianSolver(csc_array(energy + diags_array(COMPLIANCE * mass)), order)
+    smooth = _turned(smooth, target, mass, clusters)
+    direction = _pulled(energy, drive, mass, clusters, smooth, target)
     return s * direction.real[:, None] + t * direction.imag[:, None]
 
 
@@ -51,7 +55,8 @@ def _coordinates(vectors: F8, s: F8, t: F8) -> C16:
 def _unit(values: C16) -> C16:
     """Divide each by its length; 1 where that is nothing."""
     length = np.abs(values)
-    return np.where(length > 1e-12, values / np.maximum(length, 1e-12), 1.0)
+    # the smoothest field fades by orders of magnitude along ears and tails: it still points
+    return np.where(length > 1e-250, values / np.maximum(length, 1e-250), 1.0)
 
 
 def _energy(clusters: Clusters) -> tuple[csc_array, F8]:
@@ -71,22 +76,6 @@ def _energy(clusters: Clusters) -> tuple[csc_array, F8]:
     return laplacian, 4 * np.pi * clusters.area / whole[clusters.component]
 
 
-def _factorised(energy: csc_array, diagonal: F8) -> SuperLU:
-    """LU of the shifted energy, on one thread.
-
-    Panels of one column keep the blocks too small for a threaded BLAS, which on a busy
-    machine waited 1.5 to 15 s for its second thread where this takes 0.06 s.
-    """
-    return splu(
-        csc_array(energy + diags_array(diagonal)),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        panel_size=1,
-        relax=1,
-        options={"SymmetricMode": True},
-    )
-
-
 def _sums(values: NDArray, clusters: Clusters) -> NDArray:
     """Sum over the components, (components,), real or complex."""
     real = np.bincount(clusters.component, values.real)
@@ -95,9 +84,8 @@ def _sums(values: NDArray, clusters: Clusters) -> NDArray:
     return real
 
 
-def _smoothest(energy: csc_array, mass: F8, clusters: Clusters, start: C16) -> C16:
+def _smoothest(solver: HermitianSolver, mass: F8, clusters: Clusters, start: C16) -> C16:
     """Inverse iteration towards the smallest eigenvector of every component at once."""
-    solver = _factorised(energy, SHIFT * mass)
     field = start
     for _ in range(15):
         field = solver.solve(mass * field)
@@ -112,13 +100,19 @@ def _turned(field: C16, target: C16, mass: F8, clusters: Clusters) -> C16:
     return field * best[clusters.component]
 
 
-def _pulled(energy: csc_array, mass: F8, clusters: Clusters, field: C16, target: C16) -> C16:
+def _pulled(
+    energy: csc_array,
+    solver: HermitianSolver,
+    mass: F8,
+    clusters: Clusters,
+    field: C16,
+    target: C16,
+) -> C16:
     """Pull each component as strongly as leaves it smooth enough; unit directions.
 
     Every step minimises smoothness + pull ∫|u - target|² + inertia ∫|u - u_before|² and scales
     to unit length; a singularity moves or vanishes with its partner, but is not made lightly.
     """
-    solver = _factorised(energy, COMPLIANCE * mass)
     field = _unit(field)
     for pull in PULLS:
         for _ in range(10):
