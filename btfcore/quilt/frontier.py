@@ -19,6 +19,7 @@ class Frontier:
         self._start = np.argsort(self._rank).astype(np.int32)  # vertices in seeded order
         self._next = 0
         self._filled = np.zeros(count, np.int32)
+        self._seen = np.full(count, -1, np.int32)
         self._list = np.empty(count, np.int32)
         self._size = 0
         self.add(np.flatnonzero(patch >= 0).astype(np.int32))
@@ -52,7 +53,7 @@ class Frontier:
         further than 2·levels levels (and at least 8).
         """
         best, depth, near = _ahead(
-            self._indptr, self._indices, self._patch, self._filled, vertex, levels
+            self._indptr, self._indices, self._patch, self._filled, self._seen, vertex, levels
         )
         return int(best), int(depth), int(near)
 
@@ -90,40 +91,56 @@ def _pick(patch, filled, rank, listed, size):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _ahead(indptr, indices, patch, filled, vertex, levels):  # type: ignore[no-untyped-def]
-    # the bare neighbourhood of the vertex, by levels
-    seen = {vertex: 0}
-    queue = [vertex]
-    head = 0
-    while head < len(queue):
+def _ahead(indptr, indices, patch, filled, seen, vertex, levels):  # type: ignore[no-untyped-def]
+    """Breadth-first into the bare part; `seen` (N,) is all -1 on entry and on return."""
+    reach = max(2 * levels, 8)
+    queue = np.empty(256, np.int32)
+    queue[0] = vertex
+    seen[vertex] = 0
+    count, head = 1, 0
+    while head < count:  # the bare neighbourhood of the vertex
         here = queue[head]
         head += 1
-        if seen[here] >= max(2 * levels, 8):
+        if seen[here] >= reach:
             continue
         for slot in range(indptr[here], indptr[here + 1]):
             other = indices[slot]
-            if patch[other] < 0 and other not in seen:
+            if patch[other] < 0 and seen[other] < 0:
+                if count == len(queue):
+                    longer = np.empty(2 * count, np.int32)
+                    longer[:count] = queue
+                    queue = longer
                 seen[other] = seen[here] + 1
-                queue.append(other)
-    # its levels counted from the synthesised part
-    depth = {vertex: 0}
-    order = [vertex]
-    for here in queue:
-        if filled[here] > 0 and here not in depth:
-            depth[here] = 0
-            order.append(here)
+                queue[count] = other
+                count += 1
+    # its levels counted from the synthesised part; -2 - level marks where they were before
+    order = np.empty(count, np.int32)
+    depth = np.empty(count, np.int32)
+    order[0], depth[0] = vertex, 0
+    size = 1
+    best, best_depth, best_seen = vertex, 0, 0
+    seen[vertex] = -2
+    for index in range(1, count):
+        here = queue[index]
+        if filled[here] > 0:
+            order[size], depth[size] = here, 0
+            size += 1
+            seen[here] = -2 - seen[here]
     head = 0
-    best = vertex
-    while head < len(order):
-        here = order[head]
+    while head < size:
+        here, level = order[head], depth[head]
         head += 1
-        if depth[here] > depth[best] or (depth[here] == depth[best] and seen[here] < seen[best]):
-            best = here
-        if depth[here] >= levels:
+        near = -2 - seen[here]
+        if level > best_depth or (level == best_depth and near < best_seen):
+            best, best_depth, best_seen = here, level, near
+        if level >= levels:
             continue
         for slot in range(indptr[here], indptr[here + 1]):
             other = indices[slot]
-            if other in seen and other not in depth:
-                depth[other] = depth[here] + 1
-                order.append(other)
-    return best, depth[best], len(queue)
+            if seen[other] >= 0:
+                order[size], depth[size] = other, level + 1
+                size += 1
+                seen[other] = -2 - seen[other]
+    for index in range(count):
+        seen[queue[index]] = -1
+    return best, best_depth, count

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from btfcore.patch.connectivity import Connectivity, connect
@@ -218,7 +219,8 @@ class Synthesizer:
             cut = fit(
                 net.indptr, net.indices, patch.order, patch.inner, local, place,
                 self.state.patch, self.state.source, self.state.ghost, self.grid.cut,
-                self.parameters.band,
+                # the paper cuts the whole overlap
+                patch.radius * 2 if self.parameters.literal else self.parameters.band,
             )  # fmt: skip
             self.statistics.cuts += 1
             score = cut.flow + running * cut.missed
@@ -281,19 +283,24 @@ class Synthesizer:
         return int(min(-(-(reach + 1) // 4) * 4, -(-most // 4) * 4))
 
 
-def _median_direction(directions: C16, fallback: complex) -> complex:
+@njit(cache=True)
+def _median_direction(directions, fallback):  # type: ignore[no-untyped-def]
     """Unit direction with the least mean angle to `directions` (Weiszfeld's iteration).
 
     The field's turns inside a patch are what its texture must ignore; their median leaves
     more vertices near their own direction than the mean does.
     """
-    mean = complex(directions.sum())
+    mean = 0j
+    for direction in directions:
+        mean += direction
     if abs(mean) < 1e-9:
-        return complex(fallback)
+        return fallback
     mean /= abs(mean)
     for _ in range(4):
-        weight = 1.0 / np.maximum(np.abs(np.angle(directions * mean.conjugate())), 0.02)
-        shifted = complex((directions * weight).sum())
+        shifted = 0j
+        for direction in directions:
+            turned = direction * mean.conjugate()
+            shifted += direction / max(abs(np.arctan2(turned.imag, turned.real)), 0.02)
         if abs(shifted) < 1e-9:
             break
         mean = shifted / abs(shifted)
