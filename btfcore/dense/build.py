@@ -23,7 +23,7 @@ from btfcore.mesh.topology import vertex_normals
 from btfcore.progress import Progress, between, silent
 from btfcore.types import F8, I4, Atlas, DenseMesh, Frozen
 
-_ATTEMPTS = 3  # each after giving more texels to the pieces in trouble
+_ATTEMPTS = 5  # each after giving more texels to the pieces in trouble
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ def build_dense_mesh(atlas: Atlas, *, progress: Progress = silent) -> DenseMesh:
     for attempt in range(_ATTEMPTS):
         zipped = _zip(
             atlas, pieces, component, target, face, bary, normals,
-            between(progress, 0.2 + 0.25 * attempt, 0.45 + 0.25 * attempt),
+            between(progress, 0.2 + 0.15 * attempt, 0.35 + 0.15 * attempt),
         )  # fmt: skip
         if not (zipped.wrong.any() or zipped.lost.any()) or attempt == _ATTEMPTS - 1:
             break

@@ -10,10 +10,13 @@ from btfcore.types import F8, I4
 
 _REACH = 8  # texels from a piece at which one may be taken
 _SMALL = 2.0  # texels; narrower pieces are shown enlarged
+_LEAST = 6  # texels that a small piece grows to; larger ones double at most
+_DOWN = np.array([0, 1, 1, -1, 0, -1, -1, 1], np.int32)  # full 2 x 2 blocks come first
+_RIGHT = np.array([1, 0, 1, 0, -1, -1, 1, -1], np.int32)
 
 
 def grow(uv: F8, piece: I4, wanted: np.ndarray, face: I4, bary: F8) -> tuple[I4, F8]:
-    """Add a ring of texels around each of the `wanted` pieces.
+    """Add texels around each of the `wanted` pieces, a ring at most.
 
     wanted (pieces,) bool; face (size, size) i4 and bary (size, size, 3) f8 as `rasterise`
     gives them. Returns both with free texels added, which show the point of the piece nearest
@@ -31,30 +34,39 @@ def grow(uv: F8, piece: I4, wanted: np.ndarray, face: I4, bary: F8) -> tuple[I4,
 @njit(cache=True)
 def _grow(uv: F8, order: I4, start: I4, of_texel: I4, rows: I4, face: I4, bary: F8) -> None:
     size = face.shape[0]
+    budget = np.zeros(len(start), np.int32)
+    for place in range(len(rows)):
+        budget[of_texel[rows[place, 0], rows[place, 1]]] += 1
+    for here in range(len(budget)):
+        budget[here] = max(_LEAST - budget[here], budget[here])
+    low, high = np.empty(2), np.empty(2)
     for place in range(len(rows)):
         row, column = rows[place, 0], rows[place, 1]
         here = of_texel[row, column]
         mine = order[start[here] : start[here + 1]]
-        low, high = np.full(2, np.inf), np.full(2, -np.inf)
+        low[:], high[:] = np.inf, -np.inf
         for f in mine:
             for k in range(3):
                 for axis in range(2):
                     low[axis] = min(low[axis], uv[f, k, axis])
                     high[axis] = max(high[axis], uv[f, k, axis])
-        for down in range(-1, 2):
-            for right in range(-1, 2):
-                r, c = row + down, column + right
-                if 0 <= r < size and 0 <= c < size and of_texel[r, c] == here:
-                    continue
-                x, y = float(column + right), float(row + down)
-                if high[0] - low[0] < _SMALL:
-                    x = (low[0] + high[0]) / 2 + right * 0.45 * (high[0] - low[0])
-                if high[1] - low[1] < _SMALL:
-                    y = (low[1] + high[1]) / 2 + down * 0.45 * (high[1] - low[1])
-                r, c = free_texel(face, size, float(row + down), float(column + right))
-                if r < 0 or max(abs(r - row), abs(c - column)) > _REACH:
-                    continue
-                _show(uv, mine, x, y, face, bary, r, c)
+        for way in range(8):
+            down, right = _DOWN[way], _RIGHT[way]
+            r, c = row + down, column + right
+            if budget[here] == 0 or (
+                0 <= r < size and 0 <= c < size and of_texel[r, c] == here
+            ):
+                continue
+            x, y = float(c), float(r)
+            if high[0] - low[0] < _SMALL:
+                x = (low[0] + high[0]) / 2 + right * 0.45 * (high[0] - low[0])
+            if high[1] - low[1] < _SMALL:
+                y = (low[1] + high[1]) / 2 + down * 0.45 * (high[1] - low[1])
+            r, c = free_texel(face, size, float(r), float(c))
+            if r < 0 or max(abs(r - row), abs(c - column)) > _REACH:
+                continue
+            _show(uv, mine, x, y, face, bary, r, c)
+            budget[here] -= 1
 
 
 @njit(cache=True)

@@ -125,7 +125,12 @@ def _mend(
             behind[ahead[i]] = i
             loop[i] = lap
             visits[vertex[i]] += 1
-    _prune(name, code, ahead, behind, loop, size, visits, count)
+    trial, spared = size.copy(), np.zeros(len(size), np.bool_)
+    _prune(
+        name, code, ahead.copy(), behind.copy(), loop.copy(), trial, visits.copy(), count, spared
+    )
+    spared = (trial < 1) & (size > 3)  # nothing but hanging texels: ears can join them
+    _prune(name, code, ahead, behind, loop, size, visits, count, spared)
     faces = np.empty((len(old_faces) + room, 3), np.int32)
     faces[: len(old_faces)] = old_faces
     twin = np.full(3 * len(faces), WALL, np.int32)
@@ -159,12 +164,13 @@ def _mend(
 
 @njit(cache=True)
 def _prune(
-    name: I4, code: I4, ahead: I4, behind: I4, loop: I4, size: I4, visits: I4, count: int
-) -> None:
+    name: I4, code: I4, ahead: I4, behind: I4, loop: I4, size: I4, visits: I4, count: int,
+    spared: np.ndarray,
+) -> None:  # fmt: skip
     """Let go of edges that the boundary runs along and straight back."""
     for first in range(count):
         here = first
-        while loop[here] >= 0:
+        while loop[here] >= 0 and not spared[loop[here]]:
             back, front = behind[here], ahead[here]
             bare = code[here] < 0 and code[back] == code[here]
             if back == here or not bare or name[front] != name[back]:
@@ -179,7 +185,8 @@ def _prune(
             ahead[before], behind[front] = front, before
             here = front
     for i in range(count):
-        if loop[i] >= 0 and ahead[i] == i and code[i] == WALL:  # a single texel
+        single = loop[i] >= 0 and ahead[i] == i and code[i] == WALL
+        if single and not spared[loop[i]]:
             size[loop[i]] = 0
             visits[name[i]] -= 1
             loop[i] = -1
