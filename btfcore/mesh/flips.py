@@ -63,7 +63,7 @@ def unfold(vertices: F8, faces: I4) -> tuple[I4, int]:
         size = np.linalg.norm(total)
         both = min(float(new_one @ total), float(new_two @ total))
         spread = np.linalg.norm(new_one) + np.linalg.norm(new_two)
-        return both > 1e-6 * size * size and spread <= size * 1.001
+        return bool(both > 1e-6 * size * size and spread <= size * 1.001)
 
     return _flip_in_rounds(faces, folded, lies_flat)
 
