@@ -15,6 +15,8 @@ if can_open_a_window; then
     exec .venv/bin/patina gui --script demo
 fi
 echo "patina: no display here, so the demo runs without a window"
+[ -n "$(find btfcore -name '*.nbi' -print -quit)" ] ||
+    echo "patina: the first run compiles its kernels, which takes a minute or two"
 mkdir -p out
 .venv/bin/patina decorate "$mesh" "$sample" -o out/demo.glb --preview out/demo.png
 echo "patina: picture $PWD/out/demo.png"
