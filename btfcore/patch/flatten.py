@@ -89,7 +89,9 @@ class Flattener:
             return self._cut(order, start, plane, "chart", radius, 0)
         if self.literal:
             return self._paper(order, start, wanted)
-        plane, _ = exponential_map(net.indptr, net.indices, net.edge, net.turn, order, local)
+        plane, _ = exponential_map(
+            net.indptr, net.indices, net.edge, net.turn, order, start, local
+        )
         if trim is not None:
             wanted = trim(order, start, plane, wanted)
             whole = int(start[min(wanted + 2, len(start) - 1)])
@@ -160,7 +162,7 @@ class Flattener:
             size, shrinks = max(int(size * SHRINK), SMALLEST), shrinks + 1
         net = self.net  # the paper does not say what follows its smallest size
         plane, _ = exponential_map(
-            net.indptr, net.indices, net.edge, net.turn, patch.order, self.local
+            net.indptr, net.indices, net.edge, net.turn, patch.order, shorter, self.local
         )
         sound = self._sound(patch.order, shorter, plane)
         return self._shrink(patch.order, shorter, plane, "expmap", size, sound)

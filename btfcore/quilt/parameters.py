@@ -36,7 +36,7 @@ class QuiltParameters:
     max_distortion: float = 4.0
     max_seam: float | None = None
     max_bend: float = 8.0
-    placements: int = 6
+    placements: int = 4
     swing: tuple[float, ...] = (0.0,)
     ahead: int | None = None
     band: int = 20

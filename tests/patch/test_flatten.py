@@ -10,7 +10,8 @@ from btfcore.patch.flatten import Flattener
 from btfcore.patch.grow import grow, release
 from btfcore.patch.lscm import lscm, patch_faces
 from btfcore.patch.relax import relax
-from tests.surfaces import constant_field, cylinder, plane, random_field, sphere
+from tests.patch.dijkstra_map import exponential_map as dijkstra_map
+from tests.surfaces import constant_field, cylinder, dense_mesh, plane, random_field, sphere
 
 
 def flat(dense, field, seed, levels):
@@ -72,8 +73,8 @@ def test_levels_are_graph_distances():
 def test_exponential_map_of_a_plane_is_the_plane(make):
     dense = plane(40, 50, one_chart=False)
     field = make(dense)
-    net, local, order, _ = flat(dense, field, 1020, 15)
-    points, frame = exponential_map(net.indptr, net.indices, net.edge, net.turn, order, local)
+    net, local, order, start = flat(dense, field, 1020, 15)
+    points, frame = exponential_map(net.indptr, net.indices, net.edge, net.turn, order, start, local)
     seed = int(order[0])
     tangent = field.tangents[seed].astype(np.float64)
     side = np.cross([0, 0, 1.0], tangent)
@@ -89,25 +90,38 @@ def test_exponential_map_of_a_plane_is_the_plane(make):
 
 def test_exponential_map_of_a_cylinder_keeps_lengths():
     dense = cylinder(90, 60)
-    net, local, order, _ = flat(dense, random_field(dense), 30 * 90 + 7, 20)
-    points, _ = exponential_map(net.indptr, net.indices, net.edge, net.turn, order, local)
+    net, local, order, start = flat(dense, random_field(dense), 30 * 90 + 7, 20)
+    points, _ = exponential_map(net.indptr, net.indices, net.edge, net.turn, order, start, local)
     assert length_error(net, order, local, points) < 0.01
 
 
 def test_exponential_map_keeps_geodesic_distance_on_a_sphere():
     dense = sphere(5)
-    net, local, order, _ = flat(dense, random_field(dense), 3000, 25)
-    points, _ = exponential_map(net.indptr, net.indices, net.edge, net.turn, order, local)
+    net, local, order, start = flat(dense, random_field(dense), 3000, 25)
+    points, _ = exponential_map(net.indptr, net.indices, net.edge, net.turn, order, start, local)
     axis = dense.vertices[order[0]]
     geodesic = np.arccos(np.clip(dense.vertices[order] @ axis, -1, 1)) / dense.step
     radius = np.linalg.norm(points, axis=1)
     assert np.abs(radius - geodesic).max() < 0.01 * geodesic.max()
 
 
+def test_levels_are_no_worse_than_dijkstra_s_order():
+    dense = sphere(5)
+    rough = np.random.default_rng(1).normal(1, 0.004, (len(dense.vertices), 1))
+    dense = dense_mesh(dense.vertices * rough, dense.faces)
+    net, local, order, start = flat(dense, random_field(dense), 3000, 25)
+    points, _ = exponential_map(
+        net.indptr, net.indices, net.edge, net.turn, order, start, local
+    )
+    reference, _ = dijkstra_map(net.indptr, net.indices, net.edge, net.turn, order, local)
+    mine = length_error(net, order, local, points)
+    assert mine < 1.05 * length_error(net, order, local, reference)
+
+
 def test_relaxation_comes_nearer_to_isometry():
     dense = sphere(5)
-    net, local, order, _ = flat(dense, constant_field(dense), 3000, 30)
-    points, _ = exponential_map(net.indptr, net.indices, net.edge, net.turn, order, local)
+    net, local, order, start = flat(dense, constant_field(dense), 3000, 30)
+    points, _ = exponential_map(net.indptr, net.indices, net.edge, net.turn, order, start, local)
     eased = relax(net.indptr, net.indices, net.edge, order, local, points, 3, 30)
     assert length_error(net, order, local, eased) < 0.8 * length_error(net, order, local, points)
     assert np.abs(eased[0]).max() == 0
@@ -117,7 +131,7 @@ def test_a_map_that_meets_itself_is_torn_and_cut():
     dense = cylinder(24, 80)
     field = constant_field(dense, (0, 1.0, 0))
     net, local, order, start = flat(dense, field, 40 * 24, 20)
-    points, _ = exponential_map(net.indptr, net.indices, net.edge, net.turn, order, local)
+    points, _ = exponential_map(net.indptr, net.indices, net.edge, net.turn, order, start, local)
     sound = sound_levels(
         net.indptr, net.indices, net.face_ptr, net.face_of, net.faces, net.area, net.edge,
         order, start, local, points, 4.0, 0.005,
@@ -154,8 +168,8 @@ def test_flattener_shrinks_to_a_sound_patch(literal):
 def test_lscm_of_a_developable_patch_agrees_with_the_exponential_map():
     dense = cylinder(120, 60)
     field = constant_field(dense, (0, 1.0, 0))
-    net, local, order, _ = flat(dense, field, 30 * 120, 12)
-    points, _ = exponential_map(net.indptr, net.indices, net.edge, net.turn, order, local)
+    net, local, order, start = flat(dense, field, 30 * 120, 12)
+    points, _ = exponential_map(net.indptr, net.indices, net.edge, net.turn, order, start, local)
     faces = patch_faces(net.faces, net.face_ptr, net.face_of, order, local)
     normal = dense.normals[order[0]].astype(np.float64)
     conformal = lscm(
