@@ -63,7 +63,9 @@ def test_the_report_holds_what_the_issue_lists(run):
     for figures in report["phases"].values():
         assert set(figures) == {"wall_s", "cpu_s", "peak_mb"}
     kinds = report["quilt"]["patches_by_kind"]
-    assert kinds["in_chart"] + kinds["exponential_map"] + kinds["lscm"] == report["quilt"]["patches"]
+    assert (
+        kinds["in_chart"] + kinds["exponential_map"] + kinds["lscm"] == report["quilt"]["patches"]
+    )
     assert report["quilt"]["covered"] == 1.0
     assert report["seams"]["per_edge"] >= 0
 
@@ -85,13 +87,13 @@ def test_same_seed_same_file_for_any_thread_count(run, tmp_path, mesh, sample):
     for threads in ("1", "2"):
         names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
         done = patina(
-            "decorate", mesh, sample, "-o", tmp_path / "o.glb", "--rate", 128, "--seed", 5,
+            "decorate", mesh, sample, "-o", tmp_path / "out.glb", "--rate", 128, "--seed", 5,
             "--save-quilt", tmp_path / "q.npz", "-q",
             env={**os.environ, **dict.fromkeys(names, threads)},
         )  # fmt: skip
         assert done.returncode == 0 and done.stdout == ""
         assert (tmp_path / "q.npz").read_bytes() == (run / "q.npz").read_bytes()
-        assert (tmp_path / "o.glb").read_bytes() == (run / "out.glb").read_bytes()
+        assert (tmp_path / "out.glb").read_bytes() == (run / "out.glb").read_bytes()
 
 
 @pytest.mark.parametrize(

@@ -101,7 +101,7 @@ class Flattener:
         sound = self._sound(order, start, plane)
         kind = "expmap"
         if sound < wanted + 1 and len(order) > 8:
-            relaxed = relax(net.indptr, net.indices, net.edge, order, local, plane, 3, 30)
+            relaxed = relax(net.indptr, net.indices, net.edge, order, local, plane, 2, 12)
             better = self._sound(order, start, relaxed)
             if better > sound:
                 plane, sound, kind = relaxed, better, "relaxed"

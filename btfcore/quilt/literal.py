@@ -21,10 +21,15 @@ class RotatedMatcher:
     """Matches against rotated copies of a sample, made when first needed."""
 
     def __init__(self, grid: SampleGrid) -> None:
-        """Prepare for `grid`."""
+        """Prepare for `grid`; nothing is computed before `precompute` or a first match."""
         self.grid = grid
         self._copies: dict[int, tuple[F4, F4]] = {}
         self._spectra: dict[tuple[int, int], tuple[C8, C8, C8]] = {}
+
+    def precompute(self) -> None:
+        """Make all copies, as the paper does before it starts."""
+        for index in range(COPIES):
+            self.copy(index)
 
     def copy(self, index: int) -> tuple[F4, F4]:
         """Copy number `index` of the sample: (channels (k, s, s), valid (s, s)) f4."""

@@ -88,6 +88,8 @@ class Synthesizer:
         )
         self._matcher = Matcher(self.grid)
         self._rotated = RotatedMatcher(self.grid)
+        if parameters.literal:
+            self._rotated.precompute()
         self._frontier = Frontier(
             self.net.indptr, self.net.indices, self.state.patch, parameters.seed
         )
