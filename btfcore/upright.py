@@ -18,7 +18,7 @@ from btfcore.types import F8
 
 PULLS = (0.0, 3.0, 10.0)  # weights of uprightness against smoothness, tried in turn
 COMPLIANCE = 12.0  # pull + inertia; one factorisation serves every pull
-DEARER, SPARE = 3.5, 4.0  # a pull may raise the smoothness energy by this factor and sum
+DEARER, SPARE = 2.5, 4.0  # a pull may raise the smoothness energy by this factor and sum
 LEAST_UPRIGHT = 0.5  # mean cosine to upright below which straight is better than half turned
 SHIFT = 1e-3  # keeps the smoothest field's system regular where a parallel field exists
 AWAY_SHARE = 0.1  # how much "away from the viewer" counts where "up" says nothing

@@ -31,11 +31,11 @@ def present(names: list[str]) -> tuple[list[str], str]:
 
 def warm_up(*, quilting: bool = True) -> None:
     """Compile every kernel on the smallest real work, both ways of quilting included."""
-    mesh, _ = load_mesh(found("sphere.obj"))
     sample = load_sample(found("brick_red.png"))
-    prepared = prepare(mesh, rate=64)
-    for literal in (False, True) if quilting else ():
-        synthesizer(prepared, sample, QuiltParameters(literal=literal)).run()
+    for name in ("sphere.obj", "open_box.obj"):  # boundaries have kernels of their own
+        prepared = prepare(load_mesh(found(name))[0], rate=64)
+        for literal in (False, True) if quilting else ():
+            synthesizer(prepared, sample, QuiltParameters(literal=literal)).run()
 
 
 def found(name: str) -> Path:
