@@ -157,7 +157,7 @@ class Operations(QObject):
         for tasks in (self.work, self.drawing, self.reading):
             tasks.cancel()
         for tasks in (self.work, self.drawing, self.reading):
-            tasks.wait()
+            tasks.close()
 
     def draw(self) -> None:
         """Make the picture of the present mode where it is missing."""

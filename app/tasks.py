@@ -74,6 +74,13 @@ class Tasks(QObject):
         """Block until the worker thread is through; its signals may still be queued."""
         return self._pool.waitForDone(milliseconds)
 
+    def close(self) -> None:
+        """Stop what runs, wait for it, and say nothing any more."""
+        self.blockSignals(True)
+        self.cancel()
+        self.wait()
+        self._running = None
+
     def _pass_on(self, name: str, value: object) -> None:
         self.reported.emit(name, value)
         if self._running is not None:
@@ -83,6 +90,7 @@ class Tasks(QObject):
         worker, self._running = self._running, None
         if worker is None:
             return
+        self.wait()  # its last word is said, but Python must not free it under its own feet
         if outcome == "finished":
             self.finished.emit(worker.name, value)
         elif outcome == "failed":
@@ -104,6 +112,7 @@ class _Worker(QRunnable):
 
     def __init__(self, name: str, job: Job) -> None:
         super().__init__()
+        self.setAutoDelete(False)  # Python owns it
         self.name = name
         self.signals = _Signals()
         self.stop = threading.Event()

@@ -1,0 +1,96 @@
+import threading
+
+import pytest
+
+from app.tasks import Clock, Tasks
+from btfcore.errors import InvalidMesh
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+
+def outcome(qtbot, tasks, job):
+    """Run a job; returns its name, how it ended and with what."""
+    heard = []
+    tasks.finished.connect(lambda name, value: heard.append(("finished", value)))
+    tasks.failed.connect(lambda name, text: heard.append(("failed", text)))
+    tasks.cancelled.connect(lambda name: heard.append(("cancelled", None)))
+    with qtbot.waitSignal(tasks.idle, timeout=20_000):
+        assert tasks.start("job", job)
+    assert len(heard) == 1
+    return heard[0]
+
+
+def test_a_result_arrives_on_the_windows_thread(qtbot):
+    tasks = Tasks()
+    threads = []
+    tasks.finished.connect(lambda name, value: threads.append(threading.get_ident()))
+    kind, value = outcome(qtbot, tasks, lambda progress, report: threading.get_ident())
+    assert kind == "finished"
+    assert threads == [threading.get_ident()] and value != threads[0]
+
+
+@pytest.mark.parametrize(
+    ("error", "expected"),
+    [
+        (InvalidMesh("no triangle left, 3 were dropped"), "no triangle left, 3 were dropped"),
+        (MemoryError(), "memory"),
+        (ZeroDivisionError("odd"), "internal error: ZeroDivisionError: odd"),
+    ],
+)
+def test_every_error_is_told_and_the_next_job_runs(qtbot, error, expected):
+    tasks = Tasks()
+
+    def job(progress, report):
+        raise error
+
+    kind, text = outcome(qtbot, tasks, job)
+    assert kind == "failed" and expected in text
+    with qtbot.waitSignal(tasks.finished, timeout=20_000):
+        tasks.start("next", lambda progress, report: 1)
+
+
+def test_cancel_stops_at_the_next_progress(qtbot):
+    tasks = Tasks()
+    running = threading.Event()
+
+    def job(progress, report):
+        while True:
+            progress(0.5, "waiting")
+            running.set()
+
+    tasks.progressed.connect(lambda fraction, label, left: tasks.cancel())
+    assert outcome(qtbot, tasks, job)[0] == "cancelled"
+    assert running.is_set() and not tasks.busy
+
+
+def test_one_job_at_a_time(qtbot):
+    tasks = Tasks()
+    go = threading.Event()
+    assert tasks.start("first", lambda progress, report: go.wait(20))
+    assert tasks.busy and not tasks.start("second", lambda progress, report: None)
+    with qtbot.waitSignal(tasks.idle, timeout=20_000):
+        go.set()
+
+
+def test_a_slow_window_misses_frames_but_no_result(qtbot):
+    tasks = Tasks()
+    got = []
+    tasks.reported.connect(lambda name, value: got.append((name, value)))
+
+    def job(progress, report):
+        for number in range(50):  # the window is not listening meanwhile: it sits in `wait`
+            report("frame", number, droppable=True)
+        report("last", 50)
+
+    tasks.start("job", job)
+    assert tasks.wait(20_000)
+    qtbot.waitUntil(lambda: not tasks.busy, timeout=20_000)
+    assert got == [("frame", 0), ("last", 50)]
+
+
+def test_time_left_is_proportional_and_silent_at_first():
+    clock = Clock()
+    assert clock.left(0.0, 100.0) == -1
+    assert clock.left(0.1, 100.1) == -1
+    assert clock.left(0.25, 101.0) == pytest.approx(3.0)
+    assert clock.left(0.5, 102.0) == pytest.approx(2.0)
