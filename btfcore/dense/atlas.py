@@ -12,11 +12,11 @@ from btfcore.dense.segment import segment
 from btfcore.dense.transfer import transfer
 from btfcore.errors import AtlasFailed, GuardedFailure
 from btfcore.guard import Arrays, Options, run_guarded
-from btfcore.mesh.topology import twins
+from btfcore.mesh.topology import components, twins
 from btfcore.progress import Progress, between, silent
 from btfcore.types import Atlas, Mesh
 
-_DIRECT = 8000  # faces up to which xatlas is given the mesh itself; its time is super-linear
+_DIRECT = 8000  # faces of a component up to which xatlas gets it as it is: super-linear time
 _PROXY = 5000  # faces of the proxy that it is given instead of larger meshes
 _COST = 8.0  # bound on a chart's cost in xatlas
 _LABEL = "cutting the surface into charts"
@@ -46,9 +46,18 @@ def chart_mesh(mesh: Mesh, *, limit_s: float = 40.0, progress: Progress = silent
     carried over. Where the helper process crashes, hangs or fails, charts are grown from face
     normals instead.
     """
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    size = max(float((high - low).max()), np.finfo(float).tiny)
+    unit = Mesh((mesh.vertices - low) / size - (high - low) / (2 * size), mesh.faces)
+    charts = _chart_unit(unit, limit_s, progress)
+    return Charts(mesh, charts.uv * size, charts.chart)
+
+
+def _chart_unit(mesh: Mesh, limit_s: float, progress: Progress) -> Charts:
+    """Chart a mesh whose longest side is 1, centred at the origin."""
     foreign = between(progress, 0.0, 0.7)
     try:
-        if len(mesh.faces) <= _DIRECT:
+        if np.bincount(components(mesh.faces)).max() <= _DIRECT:
             task = "btfcore.dense.xatlas_door:chart_mesh"
             found = _run(task, mesh, limit_s, foreign)
             return _flattened(mesh, found, between(progress, 0.7, 1.0))
@@ -61,9 +70,7 @@ def chart_mesh(mesh: Mesh, *, limit_s: float = 40.0, progress: Progress = silent
         progress(0.7, _LABEL)
         chart, uv, usable = segment(mesh)
         return flatten_charts(mesh, chart, uv, usable=usable, progress=between(progress, 0.7, 1.0))
-    return flatten_charts(
-        mesh, chart, uv, usable=usable, join=False, progress=between(progress, 0.8, 1.0)
-    )
+    return flatten_charts(mesh, chart, uv, usable=usable, progress=between(progress, 0.8, 1.0))
 
 
 def _run(task: str, mesh: Mesh, limit_s: float, progress: Progress) -> Arrays:

@@ -14,8 +14,12 @@ from btfcore.types import F8, I4, I8, Mesh
 
 _CUTS = 16  # rounds of halving what does not lie flat
 _JOINS = 8  # rounds of joining small charts to a neighbour
+_EFFORT = 60_000  # faces laid flat anew in one round of joining
 _SMALL = 0.02  # of the surface: charts below are joined where the result lies flat
 _MIRRORED, _OVERLAP, _BAD, _STRAIN = 5e-4, 2e-3, 0.01, 0.02  # most that a chart may have
+_SPRAWL = 0.4  # least share that a large chart may fill of its bounding box: it packs badly
+_LARGE = 0.03  # of the surface
+_COMPACT = 0.55  # the same for joined charts
 _STRICT = 0.4  # of these, where a chart is joined
 
 
@@ -25,7 +29,6 @@ def flatten_charts(
     uv: F8,
     *,
     usable: Flags | None = None,
-    join: bool = True,
     progress: Progress = silent,
 ) -> Charts:
     """Charts that lie flat as rigidly as possible, from labels and a rough first layout.
@@ -33,17 +36,19 @@ def flatten_charts(
     chart (F,) i4 ≥ 0; uv (F, 3, 2) f8 (column, row), of right size and not mirrored; usable
     (F,): faces whose uv are worth starting from, the others are hinged on. Parts of a chart
     that do not hang together become charts. Charts that fold, overlap themselves or stretch
-    are bisected; with `join`, small ones are joined to a neighbour where that does none of it.
+    are bisected; small ones are joined to a neighbour where that does none of it.
     """
     work = _Flattening(mesh, chart, uv)
     everything = np.arange(len(mesh.faces))
     work.settle(everything, np.ones(len(everything), bool) if usable is None else usable)
-    for _ in range(_CUTS):
-        progress(0.5, "laying charts flat")
-        if not work.cut():
+    touched = everything
+    for step in range(_CUTS):
+        progress(0.5 + 0.3 * step / _CUTS, "laying charts flat")
+        touched = work.cut(touched)
+        if len(touched) == 0:
             break
-    for _ in range(_JOINS if join else 0):
-        progress(0.8, "joining small charts")
+    for step in range(_JOINS):
+        progress(0.8 + 0.2 * step / _JOINS, "joining small charts")
         if not work.join():
             break
     flat = np.stack([work.place.real, -work.place.imag], axis=-1)
@@ -80,19 +85,20 @@ class _Flattening:
         found.culprit[found.culprit >= 0] = subset[found.culprit[found.culprit >= 0]]
         return charts.astype(np.int32), found
 
-    def cut(self) -> bool:
-        """Bisect every chart that fails; whether there was one."""
-        charts, found = self.quality(np.arange(len(self.chart)))
-        several = np.bincount(self.chart) > 1
-        failing = np.flatnonzero(fails(found) & several)
-        if len(failing) == 0:
-            return False
-        touched = np.flatnonzero(np.isin(self.chart, failing))
+    def cut(self, subset: I8) -> I8:
+        """Bisect every chart among those of a subset of faces that fails; faces touched."""
+        charts, found = self.quality(subset)
+        several = np.bincount(self.chart)[charts] > 1
+        sprawls = (found.fill < _SPRAWL) & (found.area > _LARGE * self.area.sum())
+        failing = np.flatnonzero((fails(found) | sprawls) & several)
+        touched = np.flatnonzero(np.isin(self.chart, charts[failing]))
+        if len(touched) == 0:
+            return touched
         self.chart = connected(
             bisect(self.chart, self.twin, charts[failing], found.culprit[failing]), self.twin
         )
         self.settle(touched, np.ones(len(touched), bool))
-        return True
+        return touched
 
     def join(self) -> bool:
         """Join small charts to neighbours and undo what then fails; whether any was tried."""
@@ -108,7 +114,7 @@ class _Flattening:
         self.chart = target[self.chart]
         self.settle(touched, usable)
         charts, found = self.quality(touched)
-        wrong = charts[fails(found, _STRICT)]
+        wrong = charts[fails(found, _STRICT) | (found.fill < _COMPACT)]
         back = np.flatnonzero(np.isin(self.chart, wrong))
         self.chart[back] = before_chart[back]
         self.place[back] = before_place[back]
@@ -120,7 +126,11 @@ class _Flattening:
         return True
 
     def _pairs(self) -> tuple[I4, I4]:
-        """Small charts and the neighbour each is to join; every chart in one pair at most."""
+        """Small charts and the neighbour each is to join; every chart in one pair at most.
+
+        The pairs of one round hold no more than `_EFFORT` faces.
+        """
+        faces, effort = np.bincount(self.chart), 0
         size = np.bincount(self.chart, self.area, self.count)
         first = np.unique(self.chart, return_index=True)[1]
         a, b, shared = borders(self.chart, self.twin, self.length)
@@ -131,7 +141,9 @@ class _Flattening:
         for one, other in zip(a[small].tolist(), b[small].tolist(), strict=True):
             if taken[one] or taken[other]:
                 continue
-            if (int(first[one]), int(first[other])) not in self.refused:
+            heavy = effort + int(faces[one] + faces[other]) > _EFFORT
+            if not heavy and (int(first[one]), int(first[other])) not in self.refused:
+                effort += int(faces[one] + faces[other])
                 taken[one] = taken[other] = True
                 guest.append(one)
                 host.append(other)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -15,9 +15,10 @@ from btfcore.types import F8, I4, I8, Atlas
 
 GAP = 3  # texels between charts: room for bilinear look-ups on both sides
 _BOARD = 512  # cells a side at most; larger images use cells of several texels
+_SKETCH = 160  # cells a side, about, of the board on which orders are tried
 _CROWDED = 0.25  # where charts would fill less of the image than this, the gap shrinks
-_STEPS = 6  # halvings of the interval in which the scale is searched
-_STRIDE = 0.88  # from one scale tried to the next while none fits
+_SHUFFLES = 24  # random orders tried besides the sorted ones,
+_MANY = 150  # where there are at most so many charts
 _DIRECTIONS = 45  # tried over a quarter turn for the smallest bounding box
 _TURNS = np.array([[[1, 0], [0, 1]], [[0, 1], [-1, 0]], [[-1, 0], [0, -1]], [[0, -1], [1, 0]]])
 
@@ -40,9 +41,13 @@ class _Board:
 
 @dataclass(frozen=True)
 class _Layout:
-    """Charts placed at `scale` cells per world length; placement as `place` returns it."""
+    """Charts placed at `scale` cells per world length; placement as `place` returns it.
+
+    rank: which of the orders tried was the one that fitted.
+    """
 
     scale: float
+    rank: int
     placement: I4
     stencils: Stencils
 
@@ -59,12 +64,14 @@ def pack(charts: Charts, *, rate: int, gap: int = GAP) -> Atlas:
     """
     order = np.argsort(charts.chart, kind="stable")
     bounds = np.searchsorted(charts.chart[order], np.arange(charts.count + 1))
+    uv = _upright(charts.uv, order, bounds)
     cell = max(1, -(-(rate - 2) // _BOARD))
-    board = _Board(_upright(charts.uv, order, bounds), order, bounds, (rate - 2) // cell, cell)
-    area = float(np.abs(signed_areas(board.uv)).sum())
+    board = _Board(uv, order, bounds, (rate - 2) // cell, cell)
+    area = float(np.abs(signed_areas(uv)).sum())
+    orders = _orders(board)
     found: _Layout | None = None
     for tried in range(gap, 0, -1):
-        layout = _search(board, area, -(-(tried - 1) // cell))
+        layout = _search(board, area, orders, tried)
         if layout is not None and (found is None or layout.scale > found.scale):
             found = layout
             if area * layout.scale**2 > _CROWDED * board.size**2:
@@ -77,41 +84,77 @@ def pack(charts: Charts, *, rate: int, gap: int = GAP) -> Atlas:
     return Atlas(charts.mesh, _texels(board, found, charts.chart), charts.chart, rate)
 
 
-def _search(board: _Board, area: float, margin: int) -> _Layout | None:
-    """Largest scale found to fit: stride down until one fits, then bisect."""
+def _orders(board: _Board) -> list[I8]:
+    """Orders of the charts worth trying: by several sizes, then shuffled a little."""
+    corner = board.uv[board.order].reshape(-1, 2)
+    low = np.minimum.reduceat(corner, 3 * board.bounds[:-1])
+    side = np.maximum.reduceat(corner, 3 * board.bounds[:-1]) - low
+    area = np.add.reduceat(np.abs(signed_areas(board.uv))[board.order], board.bounds[:-1])
+    longest = side.max(axis=1)
+    sizes = [area, longest * np.sqrt(area), side.prod(axis=1), side.sum(axis=1), longest]
+    random = np.random.default_rng(0)
+    for k in range(_SHUFFLES if len(area) <= _MANY else 0):
+        sizes.append(sizes[k % 5] * np.exp(random.normal(0, 0.25, len(area))))
+    return [np.argsort(-size, kind="stable") for size in sizes]
+
+
+def _search(board: _Board, area: float, orders: list[I8], gap: int) -> _Layout | None:
+    """Largest scale found to fit: many orders on a coarse board, the best on the real one."""
     ceiling = board.size / np.sqrt(max(area, np.finfo(float).tiny))
-    low = high = float(ceiling)
-    best: _Layout | None = None
-    while best is None:
-        low, high = low * _STRIDE, low
-        if low < ceiling * 1e-6:
-            return None
-        best = _attempt(board, low, margin)
-    for _ in range(_STEPS):
-        middle = (best.scale + high) / 2
-        better = _attempt(board, middle, margin)
-        if better is None:
-            high = middle
-        else:
-            best = better
-    return best
+    times = max(1, round(board.size / _SKETCH))
+    rough = replace(board, size=board.size // times, cell=board.cell * times)
+    sketch = _descend(rough, orders[:3], gap, ceiling / times * 0.9, 0.93)
+    if times == 1 or sketch is None:
+        return sketch and _climb(board, orders, gap, sketch, (1.05, 1.01))
+    sketch = _climb(rough, orders, gap, sketch, (1.05, 1.015))
+    chosen = [orders[sketch.rank]]
+    found = _descend(board, chosen, gap, sketch.scale * times * 1.05, 0.98)
+    return found and _climb(board, chosen, gap, found, (1.03, 1.008, 1.003))
 
 
-def _attempt(board: _Board, scale: float, margin: int) -> _Layout | None:
-    """Place all charts at `scale`, the largest first, or say that they do not fit."""
+def _descend(
+    board: _Board, orders: list[I8], gap: int, scale: float, ratio: float
+) -> _Layout | None:
+    """Try ever smaller scales until one of the orders fits; None where none ever does."""
+    smallest = scale * 1e-6
+    while scale > smallest:
+        found = _attempt(board, orders, gap, scale)
+        if found is not None:
+            return found
+        scale *= ratio
+    return None
+
+
+def _climb(
+    board: _Board, orders: list[I8], gap: int, found: _Layout, ratios: tuple[float, ...]
+) -> _Layout:
+    """Try ever larger scales, by smaller and smaller strides, until no order fits."""
+    for ratio in ratios:
+        while (better := _attempt(board, orders, gap, found.scale * ratio, found.rank)) is not None:
+            found = better
+    return found
+
+
+def _attempt(
+    board: _Board, orders: list[I8], gap: int, scale: float, first: int = 0
+) -> _Layout | None:
+    """Place all charts at `scale` in the first order that fits, beginning with `first`."""
     uv = board.uv * scale + board.phase
     if np.abs(uv).max() > 2 * board.size:
         return None
     turned = [cut_stencils(uv, board.order, board.bounds)]
-    cells = turned[0].cells()
-    if cells.sum() > board.size**2:
+    if turned[0].cells().sum() > board.size**2:
         return None
     for _ in range(3):
         turned.append(quarter_turn(turned[-1]))
     stencils = stack(turned)
-    largest_first = np.lexsort((np.arange(len(cells)), -cells))
-    placement = place(stencils, largest_first, board.size, margin)
-    return None if placement is None else _Layout(scale, placement, stencils)
+    margin = -(-(gap - 1) // board.cell)
+    for k in range(len(orders)):
+        rank = (first + k) % len(orders)
+        placement = place(stencils, orders[rank], board.size, margin)
+        if placement is not None:
+            return _Layout(scale, rank, placement, stencils)
+    return None
 
 
 def _texels(board: _Board, layout: _Layout, chart: I4) -> F8:

@@ -40,6 +40,7 @@ def _place(
     free = np.empty((size, size + 1), np.int32)
     for x in range(size + 1):
         free[:, x] = x
+    longest = np.full(size, size, np.int32)  # run of free cells in each row
     begin = np.zeros((_SMALL + 1, _SMALL + 1), np.int32)
     for chart in order:
         best, best_rotation, best_x, best_y = size + 1, -1, 0, 0
@@ -51,7 +52,9 @@ def _place(
             rows = row[start[item] : start[item] + tall + 1]
             full = tall <= _SMALL and wide <= _SMALL and _is_full(rows, first, last, wide)
             bottom = begin[tall, wide] if full else 0
-            x, y = _lowest(busy, free, rows, first, last, wide, bottom, min(best - 1, size) - tall)
+            x, y = _lowest(
+                busy, free, longest, rows, first, last, wide, bottom, min(best - 1, size) - tall
+            )
             if y >= 0:
                 best, best_rotation, best_x, best_y = y + tall, rotation, x, y
                 if full:
@@ -61,7 +64,7 @@ def _place(
         found[chart, 0], found[chart, 1], found[chart, 2] = best_rotation, best_x, best_y
         item = best_rotation * count + chart
         rows = row[start[item] : start[item] + height[item] + 1]
-        _occupy(busy, free, rows, first, last, best_x, best_y, margin)
+        _occupy(busy, free, longest, rows, first, last, best_x, best_y, margin)
     return True
 
 
@@ -75,12 +78,20 @@ def _is_full(rows: I8, first: I4, last: I4, wide: int) -> bool:
 
 @njit(cache=True)
 def _lowest(
-    busy: I4, free: I4, rows: I8, first: I4, last: I4, wide: int, bottom: int, top: int
-) -> tuple[int, int]:
+    busy: I4, free: I4, longest: I4, rows: I8, first: I4, last: I4,
+    wide: int, bottom: int, top: int,
+) -> tuple[int, int]:  # fmt: skip
     """Lowest, then leftmost place whose lowest row is within bottom … top; (-1, -1) if none."""
     size, tall = len(busy), len(rows) - 1
+    widest, need = 0, 0
+    for j in range(tall):
+        for run in range(rows[j], rows[j + 1]):
+            if last[run] - first[run] + 1 > need:
+                widest, need = j, last[run] - first[run] + 1
     guess = 0  # the row that collided last is the likeliest to collide again
     for y in range(bottom, top + 1):
+        if longest[y + widest] < need:
+            continue
         x = 0
         while x + wide <= size:
             clear = True
@@ -103,7 +114,9 @@ def _lowest(
 
 
 @njit(cache=True)
-def _occupy(busy: I4, free: I4, rows: I8, first: I4, last: I4, x: int, y: int, margin: int) -> None:
+def _occupy(
+    busy: I4, free: I4, longest: I4, rows: I8, first: I4, last: I4, x: int, y: int, margin: int
+) -> None:
     size, tall = len(busy), len(rows) - 1
     for target in range(max(y - margin, 0), min(y + tall - 1 + margin, size - 1) + 1):
         for j in range(max(target - margin - y, 0), min(target + margin - y, tall - 1) + 1):
@@ -112,9 +125,13 @@ def _occupy(busy: I4, free: I4, rows: I8, first: I4, last: I4, x: int, y: int, m
                 high = min(x + last[run] + margin, size - 1)
                 for column in range(low, high + 1):
                     busy[target, column] = column
+        gap, longest[target] = 0, 0
         for column in range(size - 1, -1, -1):
             if busy[target, column] == column:
                 free[target, column] = free[target, column + 1]
+                gap = 0
             else:
+                gap += 1
+                longest[target] = max(longest[target], gap)
                 busy[target, column] = busy[target, column + 1]
                 free[target, column] = column

@@ -11,15 +11,17 @@ from btfcore.dense.unwrap import C16
 from btfcore.types import F8, I4, I8
 
 _GRID = 96  # overlaps are looked for on this many cells a side of a chart's bounding box
+_DIRECTIONS = 12  # tried over a quarter turn for the smallest bounding box
 _FAR = 1.5  # a face stretched or squeezed by more is a bad one
 
 
 @dataclass(frozen=True)
 class Quality:
-    """Shares of a chart's area, (C,) f8 each.
+    """How charts lie, (C,) f8 each; shares are of a chart's area.
 
     mirrored; overlap: sample points covered twice or more over all covered; bad: faces whose
-    singular values leave [1/1.5, 1.5]; strain: mean of (s1-1)² + (s2-1)². culprit (C, 2) i4:
+    singular values leave [1/1.5, 1.5]; strain: mean of (s1-1)² + (s2-1)²; fill: area over that
+    of the smallest bounding box; area: in the plane. culprit (C, 2) i4:
     two faces that lie one over the other, or the largest mirrored face twice; else -1.
     """
 
@@ -27,6 +29,8 @@ class Quality:
     overlap: F8
     bad: F8
     strain: F8
+    fill: F8
+    area: F8
     culprit: I4
 
 
@@ -43,12 +47,16 @@ def measure(chart: I4, count: int, shape: C16, place: C16) -> Quality:
     order = np.argsort(chart, kind="stable")
     bounds = np.searchsorted(chart[order], np.arange(count + 1))
     culprit = np.full((count, 2), -1, np.int32)
-    overlap = _overlaps(place.view(np.float64).reshape(-1, 3, 2), signed, order, bounds, culprit)
+    flat = place.view(np.float64).reshape(-1, 3, 2)
+    overlap = _overlaps(flat, signed, order, bounds, culprit)
+    covered: F8 = np.bincount(chart, np.abs(signed), count).astype(np.float64)
     return Quality(
         np.bincount(chart, np.where(signed < 0, area, 0), count) / whole,
         overlap,
         np.bincount(chart, np.where(bad, area, 0), count) / whole,
         np.bincount(chart, area * strain, count) / whole,
+        covered / np.maximum(_boxes(flat, order, bounds), np.finfo(float).tiny),
+        covered,
         culprit,
     )
 
@@ -63,6 +71,26 @@ def _derivatives(shape: C16, edge: C16) -> tuple[C16, C16]:
     along = np.where(flat, 1, (u * q.conj() - v * p.conj()) / cross)
     across = np.where(flat, 0, (p * v - q * u) / cross)
     return along, across
+
+
+@njit(cache=True)
+def _boxes(place: F8, order: I8, bounds: I8) -> F8:
+    """Area of each chart's smallest bounding box over a few directions."""
+    box = np.full(len(bounds) - 1, np.inf)
+    for c in range(len(box)):
+        for step in range(_DIRECTIONS):
+            one = np.cos(np.pi / 2 * step / _DIRECTIONS)
+            two = np.sin(np.pi / 2 * step / _DIRECTIONS)
+            low_x = low_y = np.inf
+            high_x = high_y = -np.inf
+            for at in range(bounds[c], bounds[c + 1]):
+                for k in range(3):
+                    x = one * place[order[at], k, 0] + two * place[order[at], k, 1]
+                    y = one * place[order[at], k, 1] - two * place[order[at], k, 0]
+                    low_x, high_x = min(low_x, x), max(high_x, x)
+                    low_y, high_y = min(low_y, y), max(high_y, y)
+            box[c] = min(box[c], (high_x - low_x) * (high_y - low_y))
+    return box
 
 
 @njit(cache=True)

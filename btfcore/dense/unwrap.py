@@ -93,7 +93,7 @@ def unfold(some: Net, position: C16, known: Flags) -> None:
     _unfold(some.corner, some.twin, some.shape, position, known)
 
 
-def relax(some: Net, position: C16, *, rounds: int = 8, steps: int = 60) -> C16:
+def relax(some: Net, position: C16, *, rounds: int = 6, steps: int = 40) -> C16:
     """Positions that keep faces as rigid as possible, from a start (N,) c16.
 
     Each of `rounds` turns every face's shape to fit, then solves for the positions by at
