@@ -89,9 +89,7 @@ class Flattener:
             return self._cut(order, start, plane, "chart", radius, 0)
         if self.literal:
             return self._paper(order, start, wanted)
-        plane, _ = exponential_map(
-            net.indptr, net.indices, net.edge, net.turn, order, start, local
-        )
+        plane, _ = exponential_map(net.indptr, net.indices, net.edge, net.turn, order, start, local)
         if trim is not None:
             wanted = trim(order, start, plane, wanted)
             whole = int(start[min(wanted + 2, len(start) - 1)])

@@ -113,6 +113,37 @@ def _nodes(indptr, indices, order, inner, local, place, patch, height, width, ba
 
 
 @njit(cache=True)
+def near_bare(
+    indptr: I4, indices: I4, order: I4, local: I4, patch: I4, levels: int
+) -> NDArray[np.bool_]:
+    """Which vertices (n,) of a patch lie within `levels` levels of a bare one."""
+    count = len(order)
+    near = np.zeros(count, np.bool_)
+    queue = np.empty(count, np.int32)
+    depth = np.zeros(count, np.int32)
+    tail, head = 0, 0
+    for here in range(count):
+        if patch[order[here]] < 0:
+            near[here] = True
+            queue[tail] = here
+            tail += 1
+    while head < tail:
+        here = queue[head]
+        head += 1
+        if depth[here] == levels:
+            continue
+        vertex = order[here]
+        for slot in range(indptr[vertex], indptr[vertex + 1]):
+            other = local[indices[slot]]
+            if other >= 0 and not near[other]:
+                near[other] = True
+                depth[other] = depth[here] + 1
+                queue[tail] = other
+                tail += 1
+    return near
+
+
+@njit(cache=True)
 def _distance(grid, ax, ay, bx, by):  # type: ignore[no-untyped-def]
     """Distance of the bilinear values at two grid positions, clamped at the border."""
     height, width, channels = grid.shape

@@ -20,10 +20,13 @@ class QuiltParameters:
         difference; None keeps the best of the placements tried without a bound.
     max_bend : median angle in degrees between the field and a patch's texture above which the
         patch shrinks (never below 12 levels).
+    near_field : degrees within which half of the texture shall follow the field; while it does
+        not, `max_bend` counts half.
     placements : candidate placements that are cut, the cheapest being kept.
     swing : orientations of the sample tried around the field's, in degrees.
     ahead : how many levels ahead of the frontier a patch is centred; None: half of r_w.
     band : width in levels of the overlap that may be cut.
+    match_band : width in levels of the overlap that is matched: where the seam may run.
     overlap : share of the known part of the work image that a placement must cover.
     margin : distance in texels of the patch's centre to the sample's border.
     match_channels : principal channels used in matching, at most.
@@ -35,11 +38,13 @@ class QuiltParameters:
     work_patch: int | None = None
     max_distortion: float = 4.0
     max_seam: float | None = None
-    max_bend: float = 8.0
+    max_bend: float = 9.0
+    near_field: float = 4.8
     placements: int = 4
     swing: tuple[float, ...] = (0.0,)
     ahead: int | None = None
     band: int = 20
+    match_band: int = 14
     overlap: float = 0.8
     margin: float = 24.0
     match_channels: int = 4

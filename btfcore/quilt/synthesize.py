@@ -10,12 +10,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from btfcore.patch.connectivity import Connectivity, connect
+from btfcore.patch.connectivity import Connectivity, connect, turning_rate
 from btfcore.patch.distortion import field_directions
 from btfcore.patch.flatten import SHRINK, SMALLEST, Flattener, FlatPatch
 from btfcore.patch.resample import look_up, work_image
 from btfcore.progress import Progress, silent
-from btfcore.quilt.fitting import Cut, fit
+from btfcore.quilt.fitting import Cut, fit, near_bare
 from btfcore.quilt.frontier import Frontier
 from btfcore.quilt.grid import SampleGrid, sample_grid
 from btfcore.quilt.literal import RotatedMatcher
@@ -28,6 +28,8 @@ from btfcore.types import F4, F8, I4, DenseMesh, Field, Quilt, Sample
 C16 = NDArray[np.complex128]
 UPDATE_S = 0.1  # how often a partial quilt is shown
 LARGEST = 48  # levels; beyond, more time buys little
+SLACK = 1.5
+ON_COURSE = 0.52
 LEAST_BENT = 12  # a patch is not made smaller than this for a turning field
 FEW_BARE = 60  # where fewer bare vertices are near, a small patch fills them
 
@@ -93,9 +95,12 @@ class Synthesizer:
         self._frontier = Frontier(
             self.net.indptr, self.net.indices, self.state.patch, parameters.seed
         )
+        net = self.net
+        self._rate = turning_rate(net.indptr, net.indices, net.edge, net.turn, 40)
         self._random = np.random.default_rng(parameters.seed)
         self.radius = parameters.work_patch or self._default_radius()
         self._flow = 0.0
+        self._placed = self._near_field = 0
         self._gained = 0
 
     def _default_radius(self) -> int:
@@ -153,6 +158,9 @@ class Synthesizer:
         self._flattener.release(patch)
         self._frontier.add(was_bare)
         self._flow += best.cut.flow
+        turned = np.abs(best.angle[best.cut.fresh])
+        self._placed += len(turned)
+        self._near_field += int((turned < np.radians(self.parameters.near_field)).sum())
         self._gained += best.cut.gained
         self.statistics.patches += 1
         self.statistics.kinds[patch.kind] += 1
@@ -172,16 +180,33 @@ class Synthesizer:
         seed, depth, near = self._frontier.ahead(vertex, ahead)
         if near < FEW_BARE:
             return self._flattener.flatten(vertex, min(self.radius, 12))
-        patch = self._flattener.flatten(seed, self.radius, self._straight)
+        patch = self._flattener.flatten(seed, self._reach(seed), self._straight)
         if depth > 0 and patch.radius < min(self.radius, depth + 4):
             self._flattener.release(patch)
             seed, _, _ = self._frontier.ahead(vertex, min(ahead, patch.radius // 2))
-            patch = self._flattener.flatten(seed, self.radius, self._straight)
+            patch = self._flattener.flatten(seed, self._reach(seed), self._straight)
         return patch
+
+    def _reach(self, seed: int) -> int:
+        """Radius worth flattening: half as much again as the field's turning there allows.
+
+        The median distance from a diameter of the unit disk is 0.4.
+        """
+        allowed = self._bend() / (0.4 * max(self._rate[seed], 1e-4))
+        return int(np.clip(SLACK * allowed, min(LEAST_BENT, self.radius), self.radius))
+
+    def _bend(self) -> float:
+        """Bound in radians on a patch's median angle to the field.
+
+        `max_bend` while more than half of the texture so far lies within `near_field` of the
+        field, half of it otherwise: the median stays below that at the least cost in seams.
+        """
+        on_course = self._near_field >= ON_COURSE * self._placed
+        return float(np.radians(self.parameters.max_bend * (1.0 if on_course else 0.5)))
 
     def _straight(self, order: I4, start: I4, plane: F8, radius: int) -> int:
         """Largest radius at which the field does not turn too much for one piece of texture."""
-        net, bound = self.net, np.radians(self.parameters.max_bend)
+        net, bound = self.net, self._bend()
         inner = int(start[min(radius + 1, len(start) - 1)])
         turn = field_directions(
             net.indptr, net.indices, net.edge, order, inner, self._flattener.local, plane
@@ -273,6 +298,11 @@ class Synthesizer:
         point = np.stack([spun.real, -spun.imag], axis=1) / self.grid.unit
         values = look_up(self.grid.match, state.source[patch.order])
         known = state.patch[patch.order] >= 0
+        if not self.parameters.literal:
+            known &= near_bare(
+                net.indptr, net.indices, patch.order, self._flattener.local, state.patch,
+                self.parameters.match_band,
+            )  # fmt: skip
         return work_image(
             net.faces, net.face_ptr, net.face_of, patch.order, self._flattener.local, point,
             values, known, self._half(point[: patch.inner]),

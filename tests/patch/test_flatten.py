@@ -74,7 +74,9 @@ def test_exponential_map_of_a_plane_is_the_plane(make):
     dense = plane(40, 50, one_chart=False)
     field = make(dense)
     net, local, order, start = flat(dense, field, 1020, 15)
-    points, frame = exponential_map(net.indptr, net.indices, net.edge, net.turn, order, start, local)
+    points, frame = exponential_map(
+        net.indptr, net.indices, net.edge, net.turn, order, start, local
+    )
     seed = int(order[0])
     tangent = field.tangents[seed].astype(np.float64)
     side = np.cross([0, 0, 1.0], tangent)
@@ -110,9 +112,7 @@ def test_levels_are_no_worse_than_dijkstra_s_order():
     rough = np.random.default_rng(1).normal(1, 0.004, (len(dense.vertices), 1))
     dense = dense_mesh(dense.vertices * rough, dense.faces)
     net, local, order, start = flat(dense, random_field(dense), 3000, 25)
-    points, _ = exponential_map(
-        net.indptr, net.indices, net.edge, net.turn, order, start, local
-    )
+    points, _ = exponential_map(net.indptr, net.indices, net.edge, net.turn, order, start, local)
     reference, _ = dijkstra_map(net.indptr, net.indices, net.edge, net.turn, order, local)
     mine = length_error(net, order, local, points)
     assert mine < 1.05 * length_error(net, order, local, reference)
