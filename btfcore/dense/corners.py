@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from btfcore.dense.check import Flags
 from btfcore.dense.cut import Pieces
 from btfcore.dense.walk import Walks
 from btfcore.types import F8, I4, Frozen
@@ -41,7 +42,8 @@ def place_corners(uv: F8, pieces: Pieces, walks: Walks, texel: I4) -> Corners:
 
     The assignment is monotone along the walk and minimises the squared distance in texels,
     of the corners and of marks set between them: without these, two corners at one place (a
-    chart that touches itself) could swallow the arc between them. Where two disks meet along their whole border three corners are set.
+    chart that touches itself) could swallow the arc between them. Where two disks meet along
+    their whole border three corners are set.
     """
     uv = np.ascontiguousarray(uv)
     is_corner = _corner_flags(pieces.twin, pieces.ahead, pieces.behind)
@@ -52,7 +54,7 @@ def place_corners(uv: F8, pieces: Pieces, walks: Walks, texel: I4) -> Corners:
 
 
 @njit(cache=True)
-def _corner_flags(twin: I4, ahead: I4, behind: I4) -> np.ndarray:
+def _corner_flags(twin: I4, ahead: I4, behind: I4) -> Flags:
     """Whether a border half-edge starts at a node: any number of pieces but two meets there."""
     flag = np.zeros(len(twin), np.bool_)
     for half in range(len(twin)):
@@ -84,7 +86,7 @@ def _corner_flags(twin: I4, ahead: I4, behind: I4) -> np.ndarray:
 
 
 @njit(cache=True)
-def _list_corners(flag: np.ndarray, piece: I4, pieces: int, ahead: I4) -> tuple[I4, I4]:
+def _list_corners(flag: Flags, piece: I4, pieces: int, ahead: I4) -> tuple[I4, I4]:
     start = np.zeros(pieces + 1, np.int32)
     first = np.full(pieces, -1, np.int32)
     for half in range(len(flag)):
@@ -106,7 +108,7 @@ def _list_corners(flag: np.ndarray, piece: I4, pieces: int, ahead: I4) -> tuple[
 
 
 @njit(cache=True)
-def _link(half: I4, flag: np.ndarray, twin: I4, ahead: I4, behind: I4) -> tuple[I4, I4]:
+def _link(half: I4, flag: Flags, twin: I4, ahead: I4, behind: I4) -> tuple[I4, I4]:
     """Mates of arcs, and the corners around each node."""
     index = np.full(len(flag), -1, np.int32)
     for corner in range(len(half)):

@@ -20,11 +20,17 @@ def new_table(expected: int) -> tuple[I8, I4]:
 
 
 @njit(cache=True)
-def _slot(keys: I8, one: int, other: int) -> int:
+def _mixed(key: np.int64) -> np.int64:
+    """Spread a key's bits (the odd constant nearest to 2**64 over the golden ratio)."""
+    mixed = key * np.int64(-7046029254386353131)
+    return mixed ^ (mixed >> np.int64(29))
+
+
+@njit(cache=True)
+def _slot(keys: I8, one: int, other: int) -> np.int64:
     low, high = (one, other) if one < other else (other, one)
     key = (np.int64(low) << 32) | np.int64(high)
-    mixed = key * np.int64(-7046029254386353131)
-    slot = (mixed ^ (mixed >> 29)) & (len(keys) - 1)
+    slot = _mixed(key) & (len(keys) - 1)
     while keys[slot] != _EMPTY and keys[slot] != key:
         slot = (slot + 1) & (len(keys) - 1)
     if keys[slot] == _EMPTY:
@@ -43,10 +49,9 @@ def edge_count(keys: I8, counts: I4, one: int, other: int) -> int:
     """How often an edge was counted."""
     low, high = (one, other) if one < other else (other, one)
     key = (np.int64(low) << 32) | np.int64(high)
-    mixed = key * np.int64(-7046029254386353131)
-    slot = (mixed ^ (mixed >> 29)) & (len(keys) - 1)
+    slot = _mixed(key) & (len(keys) - 1)
     while keys[slot] != _EMPTY:
         if keys[slot] == key:
-            return counts[slot]
+            return int(counts[slot])
         slot = (slot + 1) & (len(keys) - 1)
     return 0

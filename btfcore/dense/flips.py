@@ -17,7 +17,8 @@ from btfcore.dense.zipper import WALL
 from btfcore.types import F8, I4, I8
 
 _ROUNDS = 12  # of quality flips
-_PATIENCE = 60  # tries for each edge that is in the way
+_PATIENCE = 60  # sweeps over edges that are in the way
+_MOST = 4  # flips per triangle, in each of the two stages; the edge table has room for them
 
 
 def flip_seams(faces: I4, twin: I4, grid: TexelGrid, points: F8, normals: F8) -> tuple[I4, I4]:
@@ -71,7 +72,7 @@ def _ends(faces: I4, half: int) -> tuple[int, int]:
 @njit(cache=True)
 def _count_edges(faces: I4, twin: I4, texel: I4, edges: U1) -> tuple[I8, I4]:
     """Count the zipper's edges that are none of the planar map's."""
-    keys, counts = new_table(4 * len(faces) + 64)
+    keys, counts = new_table((2 * _MOST + 3) * len(faces) + 64)
     for half in range(len(twin)):
         one, other = faces[half // 3, half % 3], faces[half // 3, after(half) % 3]
         if twin[half] < half and not (twin[half] == WALL and joined(one, other, texel, edges)):
@@ -125,10 +126,10 @@ def _turn(faces: I4, twin: I4, half: int, keys: I8, counts: I4) -> tuple[int, in
 
 
 @njit(cache=True)
-def _repair(faces: I4, twin: I4, texel: I4, edges: U1, keys: I8, counts: I4) -> int:
-    """Flip loops and doubled edges away; returns how many edges stay bad."""
-    left = 0
-    state = np.int64(12345)
+def _repair(faces: I4, twin: I4, texel: I4, edges: U1, keys: I8, counts: I4) -> None:
+    """Flip loops and doubled edges away, as far as that succeeds."""
+    state = 12345
+    budget = _MOST * len(faces)
     for sweep in range(_PATIENCE):
         left = changed = 0
         for half in range(len(twin)):
@@ -146,7 +147,8 @@ def _repair(faces: I4, twin: I4, texel: I4, edges: U1, keys: I8, counts: I4) -> 
                 _turn(faces, twin, half, keys, counts)
                 changed += 1
                 left -= 1
-        if left == 0:
+        budget -= changed
+        if left == 0 or budget < len(faces):
             break
         if changed:
             continue
@@ -159,7 +161,7 @@ def _repair(faces: I4, twin: I4, texel: I4, edges: U1, keys: I8, counts: I4) -> 
                 continue
             here = half
             for _ in range(4 + sweep % 8):
-                state = (state * np.int64(1103515245) + np.int64(12345)) & np.int64(0x7FFFFFFF)
+                state = (state * 1103515245 + 12345) & 0x7FFFFFFF
                 here = 3 * (here // 3) + (state >> 8) % 3
                 if twin[here] < 0:
                     continue
@@ -171,8 +173,8 @@ def _repair(faces: I4, twin: I4, texel: I4, edges: U1, keys: I8, counts: I4) -> 
                 d = faces[two // 3, (two % 3 + 2) % 3]
                 if _times(c, d, texel, edges, keys, counts) <= (sweep % 4 == 3) and c != d:
                     _turn(faces, twin, one, keys, counts)
+                    budget -= 1
                     break
-    return left
 
 
 @njit(cache=True)
@@ -200,8 +202,9 @@ def _improve(
     faces: I4, twin: I4, texel: I4, edges: U1, keys: I8, counts: I4, points: F8, normals: F8
 ) -> None:
     """Flip where it unfolds triangles or, folding none, makes the edge shorter."""
+    budget = _MOST * len(faces)
     for _ in range(_ROUNDS):
-        changed = False
+        changed = 0
         for half in range(len(twin)):
             other = twin[half]
             if other < half or half // 3 == other // 3:
@@ -217,6 +220,7 @@ def _improve(
                 continue
             if _times(c, d, texel, edges, keys, counts) == 0:
                 _turn(faces, twin, half, keys, counts)
-                changed = True
-        if not changed:
+                changed += 1
+        budget -= changed
+        if changed == 0 or budget < 2 * len(faces):
             break

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from btfcore.dense.check import Flags
 from btfcore.dense.rasterise import free_texel
 from btfcore.types import F8, I4
 
@@ -15,7 +16,7 @@ _DOWN = np.array([0, 1, 1, -1, 0, -1, -1, 1], np.int32)  # full 2 x 2 blocks com
 _RIGHT = np.array([1, 0, 1, 0, -1, -1, 1, -1], np.int32)
 
 
-def grow(uv: F8, piece: I4, wanted: np.ndarray, face: I4, bary: F8) -> tuple[I4, F8]:
+def grow(uv: F8, piece: I4, wanted: Flags, face: I4, bary: F8) -> tuple[I4, F8]:
     """Add texels around each of the `wanted` pieces, a ring at most.
 
     wanted (pieces,) bool; face (size, size) i4 and bary (size, size, 3) f8 as `rasterise`
@@ -53,9 +54,7 @@ def _grow(uv: F8, order: I4, start: I4, of_texel: I4, rows: I4, face: I4, bary: 
         for way in range(8):
             down, right = _DOWN[way], _RIGHT[way]
             r, c = row + down, column + right
-            if budget[here] == 0 or (
-                0 <= r < size and 0 <= c < size and of_texel[r, c] == here
-            ):
+            if budget[here] == 0 or (0 <= r < size and 0 <= c < size and of_texel[r, c] == here):
                 continue
             x, y = float(c), float(r)
             if high[0] - low[0] < _SMALL:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from btfcore.errors import InvalidParameter
 from btfcore.types import F8, I4
 
 _INSIDE = -1e-9  # barycentric; keeps texels that lie on an edge
@@ -17,13 +18,19 @@ def rasterise(uv: F8, piece: I4, count: int, size: int) -> tuple[I4, F8]:
     -1 where no chart is, and bary (size, size, 3) f8, ≥ 0 and of sum 1. Where faces of one
     chart overlap (foldovers) the ones that are not mirrored go first. A piece that contains
     no texel centre gets the free texel nearest to its largest face, and that face's middle.
+    Raises `InvalidParameter` where no texel is left for a piece.
     """
     uv = np.ascontiguousarray(uv)
     face = np.full((size, size), -1, np.int32)
     bary = np.zeros((size, size, 3))
     area = _signed_areas(uv)
     _fill(uv, area, size, face, bary)
-    _give_one(uv, area, piece, count, size, face, bary)
+    bare = _give_one(uv, area, piece, count, size, face, bary)
+    if bare:
+        raise InvalidParameter(
+            f"{bare} of {count} charts find no texel in an atlas of {size} x {size}:"
+            " raise the rate"
+        )
     return face, bary
 
 
@@ -68,7 +75,8 @@ def _fill(uv: F8, area: F8, size: int, face: I4, bary: F8) -> None:
 
 
 @njit(cache=True)
-def _give_one(uv: F8, area: F8, piece: I4, count: int, size: int, face: I4, bary: F8) -> None:
+def _give_one(uv: F8, area: F8, piece: I4, count: int, size: int, face: I4, bary: F8) -> int:
+    """Place the pieces that have no texel; returns how many found none."""
     has = np.zeros(count, np.bool_)
     for row in range(size):
         for column in range(size):
@@ -79,6 +87,7 @@ def _give_one(uv: F8, area: F8, piece: I4, count: int, size: int, face: I4, bary
         here = piece[f]
         if not has[here] and (largest[here] < 0 or abs(area[f]) > abs(area[largest[here]])):
             largest[here] = f
+    bare = 0
     for here in range(count):
         f = largest[here]
         if f < 0:
@@ -86,10 +95,13 @@ def _give_one(uv: F8, area: F8, piece: I4, count: int, size: int, face: I4, bary
         x = (uv[f, 0, 0] + uv[f, 1, 0] + uv[f, 2, 0]) / 3
         y = (uv[f, 0, 1] + uv[f, 1, 1] + uv[f, 2, 1]) / 3
         row, column = free_texel(face, size, y, x)
-        if row >= 0:
-            face[row, column] = f
-            for k in range(3):
-                bary[row, column, k] = 1 / 3
+        if row < 0:
+            bare += 1
+            continue
+        face[row, column] = f
+        for k in range(3):
+            bary[row, column, k] = 1 / 3
+    return bare
 
 
 @njit(cache=True)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from btfcore.dense.check import Flags
 from btfcore.dense.corners import Corners
 from btfcore.dense.cut import Pieces
 from btfcore.dense.edge_table import count_edge, edge_count, new_table
@@ -50,7 +51,7 @@ def boundary(pieces: Pieces, walks: Walks, corners: Corners, cross: I4) -> Rim:
 
 @njit(cache=True)
 def _loops(
-    free: np.ndarray, vertex: I4, begin: I4, place: I4, steps: I4, mate: I4, around: I4,
+    free: Flags, vertex: I4, begin: I4, place: I4, steps: I4, mate: I4, around: I4,
     start: I4, cross: I4,
 ) -> tuple[I4, I4, I4]:  # fmt: skip
     room = len(vertex) + 2 * len(place) + 1
@@ -93,7 +94,7 @@ def _loops(
 
 def mend_rim(
     rim: Rim, faces: I4, twin: I4, texel: I4, edges: U1, points: F8
-) -> tuple[I4, I4, np.ndarray, I4]:
+) -> tuple[I4, I4, Flags, I4]:
     """Make every boundary loop simple, of three edges or more.
 
     faces, twin as `zip_seams` gives them; texel, edges of the `TexelGrid`; points (N, 3).
@@ -109,7 +110,7 @@ def mend_rim(
 @njit(cache=True)
 def _mend(
     vertex: I4, half: I4, start: I4, old_faces: I4, old_twin: I4, texel: I4, edges: U1, points: F8
-) -> tuple[I4, I4, np.ndarray, I4]:
+) -> tuple[I4, I4, Flags, I4]:
     count = len(vertex)
     room = 8 * count + 8 * len(start) + 16
     name, code = np.empty(room, np.int32), np.empty(room, np.int32)
@@ -165,7 +166,7 @@ def _mend(
 @njit(cache=True)
 def _prune(
     name: I4, code: I4, ahead: I4, behind: I4, loop: I4, size: I4, visits: I4, count: int,
-    spared: np.ndarray,
+    spared: Flags,
 ) -> None:  # fmt: skip
     """Let go of edges that the boundary runs along and straight back."""
     for first in range(count):
@@ -195,7 +196,7 @@ def _prune(
 @njit(cache=True)
 def _open(
     lap: int, keep: int, name: I4, code: I4, ahead: I4, behind: I4, loop: I4, size: I4,
-    visits: I4, count: int, faces: I4, twin: I4, gone: np.ndarray,
+    visits: I4, count: int, faces: I4, twin: I4, gone: Flags,
 ) -> int:  # fmt: skip
     """Take a triangle away at a boundary edge (not one of vertex `keep`): the loop grows."""
     if count + 1 > len(name):
@@ -229,7 +230,7 @@ def _open(
 @njit(cache=True)
 def _ears(
     name: I4, code: I4, ahead: I4, behind: I4, loop: I4, size: I4, visits: I4, count: int,
-    faces: I4, twin: I4, gone: np.ndarray, total: int, texel: I4, edges: U1, points: F8,
+    faces: I4, twin: I4, gone: Flags, total: int, texel: I4, edges: U1, points: F8,
     keys: I8, counts: I4,
 ) -> tuple[int, int]:  # fmt: skip
     """Pass by vertices that the boundary meets more than once, by the shortest new edges."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from btfcore.dense.check import Flags
 from btfcore.dense.grid import COLUMN, ROW, U1, TexelGrid
 from btfcore.mesh.topology import find, join
 from btfcore.types import I4, Frozen
@@ -45,7 +46,7 @@ def outer_walks(grid: TexelGrid, pieces: int) -> Walks:
 
 
 @njit(cache=True)
-def _trace(number: I4, texel: I4, edges: U1, filled: U1) -> tuple[I4, I4, U1]:
+def _trace(number: I4, texel: I4, edges: U1, filled: U1) -> tuple[I4, I4, Flags]:
     """Positions of all walks one after the other, their starts, and which are outer ones."""
     todo = np.zeros(len(texel), np.uint8)
     total = 0
@@ -101,7 +102,7 @@ def _islands(number: I4, texel: I4, edges: U1) -> I4:
 
 @njit(cache=True)
 def _bridge(
-    number: I4, texel: I4, piece: I4, island: I4, vertex: I4, start: I4, outer: U1
+    number: I4, texel: I4, piece: I4, island: I4, vertex: I4, start: I4, outer: Flags
 ) -> tuple[I4, I4, I4]:
     """Join islands of a piece: (vertex, next position, one position per piece)."""
     walks = len(start) - 1

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from btfcore.dense.check import Flags
 from btfcore.dense.corners import Corners
 from btfcore.dense.walk import Walks
 from btfcore.types import F8, I4
@@ -94,7 +95,7 @@ def _chains(
 
 
 @njit(cache=True)
-def zip_rows(points: F8, one: I4, other: I4) -> np.ndarray:
+def zip_rows(points: F8, one: I4, other: I4) -> Flags:
     """Cheapest way to zip two rows of vertices by the total length of the cross edges.
 
     one (m + 1,), other (n + 1,) vertices. Returns (m + n,) bool: at each step whether row
@@ -299,7 +300,7 @@ def _side(half: int, arc: int, mate: I4, strip_of: I4, outside: I4, twin: I4) ->
 
 
 @njit(cache=True)
-def without_points(faces: I4, twin: I4, gone: np.ndarray) -> tuple[I4, I4]:
+def without_points(faces: I4, twin: I4, gone: Flags) -> tuple[I4, I4]:
     """Take out triangles of which one side has shrunk to a point; their other sides meet.
 
     gone (M,) bool: triangles that are left out in any case; it is written to.

@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from btfcore.mincut import minimum_cut
-from btfcore.types import F4, F8, I4
+from btfcore.types import F4, I4
 
 BARE, OLD = -1, -2  # what a patch vertex is, where it is no node
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from btfcore.patch.connectivity import Connectivity, connect, turning_rate
 from btfcore.patch.distortion import field_directions
-from btfcore.patch.flatten import SHRINK, SMALLEST, Flattener, FlatPatch
+from btfcore.patch.flatten import SHRINK, SMALLEST, FlatPatch, Flattener
 from btfcore.patch.resample import look_up, work_image
 from btfcore.progress import Progress, silent
 from btfcore.quilt.fitting import Cut, fit, near_bare

@@ -112,7 +112,7 @@ def _streaks(  # type: ignore[no-untyped-def]
                     + (z - points[here, 2]) * nz
                 )
                 x, y, z = x - off * nx, y - off * ny, z - off * nz
-                weight = 1.0 - k / (reach + 1.0) if sense < 0 else tail * (1 - k / (reach + 1.0))
+                weight = 1.0 - k / (reach + 1.0) if sense > 0 else tail * (1 - k / (reach + 1.0))
                 total += weight * noise[here]
                 weights += weight
         out[start] = total / weights
