@@ -48,8 +48,8 @@ def build_dense_mesh(atlas: Atlas, *, progress: Progress = silent) -> DenseMesh:
     for a torus) takes free ones beside its charts; where these do not suffice either it stays
     an open patch or is left out, which `btfcore.dense.diagnostics` tells.
 
-    Raises `InvalidParameter` where a chart finds no texel or not a single triangle fits, and whatever
-    `progress` raises.
+    Raises `InvalidParameter` where a chart finds no texel or not a single triangle fits, and
+    whatever `progress` raises.
     """
     progress(0.0, "cutting charts")
     pieces = cut_into_disks(atlas)
