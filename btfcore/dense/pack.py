@@ -25,7 +25,7 @@ _TURNS = np.array([[[1, 0], [0, 1]], [[0, 1], [-1, 0]], [[-1, 0], [0, -1]], [[0,
 
 @dataclass(frozen=True)
 class _Board:
-    """Upright charts (F, 3, 2) in world lengths, faces sorted by chart, and the cells."""
+    """Upright charts (F, 3, 2) in lengths of any unit, faces by chart, and the cells."""
 
     uv: F8
     order: I8
@@ -38,10 +38,23 @@ class _Board:
         """From a cell's centre to the nearest texel centre, in cells, along both axes."""
         return 0.5 / self.cell if self.cell % 2 == 0 else 0.0
 
+    @property
+    def count(self) -> int:
+        """Number of charts."""
+        return len(self.bounds) - 1
+
+    def margin(self, gap: int) -> int:
+        """Free cells between charts whose texels are to be `gap` apart."""
+        return -(-(gap - 1) // self.cell)
+
+    def room(self, gap: int) -> int:
+        """Number of charts of a single cell that fit."""
+        return int(-(-self.size // (self.margin(gap) + 1))) ** 2
+
 
 @dataclass(frozen=True)
 class _Layout:
-    """Charts placed at `scale` cells per world length; placement as `place` returns it.
+    """Charts placed at `scale` cells per unit of length; placement as `place` returns it.
 
     rank: which of the orders tried was the one that fitted.
     """
@@ -65,6 +78,7 @@ def pack(charts: Charts, *, rate: int, gap: int = GAP) -> Atlas:
     order = np.argsort(charts.chart, kind="stable")
     bounds = np.searchsorted(charts.chart[order], np.arange(charts.count + 1))
     uv = _upright(charts.uv, order, bounds)
+    uv /= max(float(np.abs(uv).max()), np.finfo(float).tiny)  # areas must not overflow
     cell = max(1, -(-(rate - 2) // _BOARD))
     board = _Board(uv, order, bounds, (rate - 2) // cell, cell)
     area = float(np.abs(signed_areas(uv)).sum())
@@ -100,12 +114,18 @@ def _orders(board: _Board) -> list[I8]:
 
 def _search(board: _Board, area: float, orders: list[I8], gap: int) -> _Layout | None:
     """Largest scale found to fit: many orders on a coarse board, the best on the real one."""
+    if board.room(gap) < board.count:
+        return None
     ceiling = board.size / np.sqrt(max(area, np.finfo(float).tiny))
+    stride = 0.93 if board.count <= _MANY else 0.8
     times = max(1, round(board.size / _SKETCH))
     rough = replace(board, size=board.size // times, cell=board.cell * times)
-    sketch = _descend(rough, orders[:3], gap, ceiling / times * 0.9, 0.93)
-    if times == 1 or sketch is None:
-        return sketch and _climb(board, orders, gap, sketch, (1.05, 1.01))
+    if times == 1 or rough.room(gap) < 4 * board.count:
+        found = _descend(board, orders[:3], gap, ceiling * 0.9, stride)
+        return found and _climb(board, orders, gap, found, (1.05, 1.01))
+    sketch = _descend(rough, orders[:3], gap, ceiling / times * 0.9, stride)
+    if sketch is None:
+        return None
     sketch = _climb(rough, orders, gap, sketch, (1.05, 1.015))
     chosen = [orders[sketch.rank]]
     found = _descend(board, chosen, gap, sketch.scale * times * 1.05, 0.98)
@@ -148,7 +168,7 @@ def _attempt(
     for _ in range(3):
         turned.append(quarter_turn(turned[-1]))
     stencils = stack(turned)
-    margin = -(-(gap - 1) // board.cell)
+    margin = board.margin(gap)
     for k in range(len(orders)):
         rank = (first + k) % len(orders)
         placement = place(stencils, orders[rank], board.size, margin)

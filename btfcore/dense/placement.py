@@ -8,7 +8,7 @@ from numba import njit
 from btfcore.dense.stencil import Stencils
 from btfcore.types import I4, I8
 
-_SMALL = 8  # full rectangles up to this side remember where the search may begin
+_SMALL = 12  # boxes up to this side are looked for from where the last one like it went
 
 
 def place(stencils: Stencils, order: I8, size: int, margin: int) -> I4 | None:
@@ -17,7 +17,8 @@ def place(stencils: Stencils, order: I8, size: int, margin: int) -> I4 | None:
     stencils : R rotations of C charts, number ``r * C + c``; order (C,) names each chart once.
     Returns (C, 3) i4: rotation, column and row of the lower left cell of each stencil's box,
     or None where a chart finds no room. A chart goes where its upper edge is lowest; ties go
-    to the smaller rotation, then to the left.
+    to the smaller rotation, then to the left. Small ones do not look below the last
+    one of their height and width.
     """
     found = np.zeros((len(order), 3), np.int32)
     if _place(
@@ -50,14 +51,14 @@ def _place(
             if wide > size:
                 continue
             rows = row[start[item] : start[item] + tall + 1]
-            full = tall <= _SMALL and wide <= _SMALL and _is_full(rows, first, last, wide)
-            bottom = begin[tall, wide] if full else 0
+            small = tall <= _SMALL and wide <= _SMALL
+            bottom = begin[tall, wide] if small else 0
             x, y = _lowest(
                 busy, free, longest, rows, first, last, wide, bottom, min(best - 1, size) - tall
             )
             if y >= 0:
                 best, best_rotation, best_x, best_y = y + tall, rotation, x, y
-                if full:
+                if small:
                     begin[tall, wide] = y
         if best_rotation < 0:
             return False
@@ -65,14 +66,6 @@ def _place(
         item = best_rotation * count + chart
         rows = row[start[item] : start[item] + height[item] + 1]
         _occupy(busy, free, longest, rows, first, last, best_x, best_y, margin)
-    return True
-
-
-@njit(cache=True)
-def _is_full(rows: I8, first: I4, last: I4, wide: int) -> bool:
-    for j in range(len(rows) - 1):
-        if rows[j + 1] - rows[j] != 1 or last[rows[j]] - first[rows[j]] + 1 != wide:
-            return False
     return True
 
 
