@@ -21,7 +21,8 @@ def grow(uv: F8, piece: I4, wanted: Flags, face: I4, bary: F8) -> tuple[I4, F8]:
 
     wanted (pieces,) bool; face (size, size) i4 and bary (size, size, 3) f8 as `rasterise`
     gives them. Returns both with free texels added, which show the point of the piece nearest
-    to their centre; of a piece narrower than two texels, the enlarged piece.
+    to their centre; of a piece narrower than two texels, the enlarged piece. A piece of few
+    texels may also take free ones near by.
     """
     face, bary = face.copy(), bary.copy()
     order = np.argsort(piece, kind="stable").astype(np.int32)
@@ -38,6 +39,7 @@ def _grow(uv: F8, order: I4, start: I4, of_texel: I4, rows: I4, face: I4, bary: 
     budget = np.zeros(len(start), np.int32)
     for place in range(len(rows)):
         budget[of_texel[rows[place, 0], rows[place, 1]]] += 1
+    small = budget < _LEAST  # these may take free texels farther away
     for here in range(len(budget)):
         budget[here] = max(_LEAST - budget[here], budget[here])
     low, high = np.empty(2), np.empty(2)
@@ -61,8 +63,11 @@ def _grow(uv: F8, order: I4, start: I4, of_texel: I4, rows: I4, face: I4, bary: 
                 x = (low[0] + high[0]) / 2 + right * 0.45 * (high[0] - low[0])
             if high[1] - low[1] < _SMALL:
                 y = (low[1] + high[1]) / 2 + down * 0.45 * (high[1] - low[1])
-            r, c = free_texel(face, size, float(r), float(c))
-            if r < 0 or max(abs(r - row), abs(c - column)) > _REACH:
+            if small[here]:
+                r, c = free_texel(face, size, float(r), float(c))
+            if not (0 <= r < size and 0 <= c < size) or face[r, c] >= 0:
+                continue
+            if max(abs(r - row), abs(c - column)) > _REACH:
                 continue
             _show(uv, mine, x, y, face, bary, r, c)
             budget[here] -= 1
