@@ -91,7 +91,7 @@ def _zip(
     )
     progress(0.2, "joining texels")
     grid = build_grid(atlas.uv, pieces, face, points)
-    walks = outer_walks(grid, pieces.count)
+    walks = outer_walks(grid, pieces.count, points)
     progress(0.4, "zipping charts")
     corners = place_corners(atlas.uv, pieces, walks, grid.texel)
     faces, twin, cross = zip_seams(points, walks, corners, pieces.count)

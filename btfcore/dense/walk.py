@@ -13,7 +13,9 @@ from numba import njit
 from btfcore.dense.check import Flags
 from btfcore.dense.grid import COLUMN, ROW, U1, TexelGrid
 from btfcore.mesh.topology import find, join
-from btfcore.types import I4, Frozen
+from btfcore.types import F8, I4, Frozen
+
+_LOOK = 2  # texels beyond the first one found that are looked at for a bridge
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,15 +31,23 @@ class Walks(Frozen):
     start: I4
 
 
-def outer_walks(grid: TexelGrid, pieces: int) -> Walks:
+def outer_walks(grid: TexelGrid, pieces: int, points: F8) -> Walks:
     """Walk every unfilled face of the planar map, islands of one piece joined by bridges.
 
     A bridge is an edge between nearest texels of two islands; it joins their walks to one.
+    points (N, 3) f8: where the vertices lie.
     """
     vertex, start, outer = _trace(grid.number, grid.texel, grid.edges, grid.filled)
     island = _islands(grid.number, grid.texel, grid.edges)
     vertex, ahead, first = _bridge(
-        grid.number, grid.texel, grid.piece, island, vertex, start, outer
+        grid.number,
+        grid.texel,
+        grid.piece,
+        np.ascontiguousarray(points),
+        island,
+        vertex,
+        start,
+        outer,
     )
     holes = start[:-1][~outer]
     heads = np.full(pieces, -1, np.int32)
@@ -102,7 +112,14 @@ def _islands(number: I4, texel: I4, edges: U1) -> I4:
 
 @njit(cache=True)
 def _bridge(
-    number: I4, texel: I4, piece: I4, island: I4, vertex: I4, start: I4, outer: Flags
+    number: I4,
+    texel: I4,
+    piece: I4,
+    points: F8,
+    island: I4,
+    vertex: I4,
+    start: I4,
+    outer: Flags,
 ) -> tuple[I4, I4, I4]:
     """Join islands of a piece: (vertex, next position, one position per piece)."""
     walks = len(start) - 1
@@ -162,7 +179,7 @@ def _bridge(
             end += 1
         mine = by_island[begin:end]
         begin = end
-        a, b = _nearest(number, texel, piece, group, root, visit, mine)
+        a, b = _nearest(number, texel, piece, points, group, root, visit, mine)
         join(root, group[a], group[b])
         p = _facing(texel, names, ahead, behind, visit, more, a, b)
         q = _facing(texel, names, ahead, behind, visit, more, b, a)
@@ -172,17 +189,21 @@ def _bridge(
 
 @njit(cache=True)
 def _nearest(
-    number: I4, texel: I4, piece: I4, group: I4, root: I4, visit: I4, mine: I4
+    number: I4, texel: I4, piece: I4, points: F8, group: I4, root: I4, visit: I4, mine: I4
 ) -> tuple[int, int]:
-    """Nearest pair of an outer vertex of an island and one of another group of its piece."""
+    """Outer vertex of an island and the nearest one of another group of its piece.
+
+    Nearest on the surface: texels on the other side of a notch may be nearer in the picture.
+    """
     rows, columns = number.shape
     best, one, other = np.inf, -1, -1
+    last = max(rows, columns)
     for v in mine:
         if visit[v] < 0:
             continue
         own = find(root, group[v])
         ring = 1
-        while ring * ring < best and ring < max(rows, columns):
+        while ring <= last:
             for r in range(texel[v, 0] - ring, texel[v, 0] + ring + 1):
                 if r < 0 or r >= rows:
                     continue
@@ -191,9 +212,13 @@ def _nearest(
                     w = number[r, c] if 0 <= c < columns else -1
                     if w < 0 or piece[w] != piece[v] or visit[w] < 0:
                         continue
-                    far = (r - texel[v, 0]) ** 2 + (c - texel[v, 1]) ** 2
-                    if far < best and find(root, group[w]) != own:
-                        best, one, other = far, v, w
+                    far = 0.0
+                    for axis in range(3):
+                        far += (points[w, axis] - points[v, axis]) ** 2
+                    if find(root, group[w]) != own:
+                        last = min(last, ring + _LOOK)
+                        if far < best:
+                            best, one, other = far, v, w
             ring += 1
     return one, other
 

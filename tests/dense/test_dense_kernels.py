@@ -126,8 +126,8 @@ def test_grid_triangles_are_the_blocks(sampled):
 
 
 def test_walks_pass_every_free_side_once(sampled):
-    _, pieces, _, _, grid, _ = sampled
-    walks = outer_walks(grid, pieces.count)
+    _, pieces, _, _, grid, points = sampled
+    walks = outer_walks(grid, pieces.count, points)
     sides = Counter()
     for a, b, c in grid.faces.tolist():
         sides.update([(a, b), (b, c), (c, a)])
@@ -147,8 +147,8 @@ def test_walks_pass_every_free_side_once(sampled):
 def test_islands_are_bridged_into_one_walk():
     mask = np.zeros((12, 20), bool)
     mask[2:5, 2:6] = mask[7:9, 3:5] = mask[3, 9] = mask[4:6, 12:15] = mask[6, 10] = True
-    grid, count = _flat_grid(mask)
-    walks = outer_walks(grid, count)
+    grid, points = _flat_grid(mask)
+    walks = outer_walks(grid, 1, points)
     line = walks.vertex
     assert len(walks.start) == 2
     assert set(line) == set(np.flatnonzero(grid.filled != 255))
@@ -170,7 +170,7 @@ def _flat_grid(mask):
     piece = np.zeros(len(texel), np.int32)
     points = np.concatenate([texel, np.zeros((len(texel), 1))], 1).astype(float)
     edges, filled, faces = _blocks(square, piece, np.zeros_like(square, np.uint8), points)
-    return TexelGrid(square, texel, piece, edges, filled, faces), 1
+    return TexelGrid(square, texel, piece, edges, filled, faces), points
 
 
 @pytest.mark.parametrize("seed", range(12))
