@@ -56,6 +56,7 @@ def run_report(done: Decorated) -> dict[str, Any]:
                 "lscm": counts.kinds["lscm"],
             },
             "shrinks": counts.shrinks,
+            "trims_for_the_field": counts.trims,
             "cuts": counts.cuts,
             "covered": counts.covered,
             "orientation_error_deg": {

@@ -71,6 +71,10 @@ class Flattener:
         """Forget the patch's vertices; call it once done with `local`."""
         release(patch.order, self.local)
 
+    def hold(self, patch: FlatPatch) -> None:
+        """Map a patch's vertices again, after `release` of whatever was held."""
+        self.local[patch.order] = np.arange(len(patch.order), dtype=np.int32)
+
     def flatten(self, seed: int, radius: int, trim: Trim | None = None) -> FlatPatch:
         """Work patch of at most `radius` levels around `seed`; smaller where it must be.
 

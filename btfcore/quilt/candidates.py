@@ -1,0 +1,153 @@
+"""Placements of the sample on a work patch, and the cheapest cut among them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from btfcore.patch.connectivity import Connectivity
+from btfcore.patch.distortion import field_directions
+from btfcore.patch.flatten import FlatPatch, Flattener
+from btfcore.patch.resample import look_up, work_image
+from btfcore.quilt.fitting import Cut, fit, near_bare
+from btfcore.quilt.grid import SampleGrid
+from btfcore.quilt.literal import RotatedMatcher
+from btfcore.quilt.matching import Matcher, Placement
+from btfcore.quilt.measure import seam_edges_around
+from btfcore.quilt.parameters import QuiltParameters
+from btfcore.quilt.patches import median_direction
+from btfcore.quilt.state import QuiltState
+from btfcore.types import F4, F8
+
+C16 = NDArray[np.complex128]
+
+
+@dataclass(eq=False)
+class Candidate:
+    """A placement on a patch, and its cut.
+
+    place (n, 2) f4: grid coordinates of the patch's vertices; angle (inner,) f8: from the
+    field to the sample's +column axis; seam: cost per seam edge in texel differences.
+    """
+
+    patch: FlatPatch
+    cut: Cut
+    place: F4
+    angle: F8
+    score: float
+    seam: float
+
+
+class CandidateFinder:
+    """Matches and cuts; its spectra of the sample serve a whole run."""
+
+    def __init__(
+        self,
+        net: Connectivity,
+        grid: SampleGrid,
+        state: QuiltState,
+        flattener: Flattener,
+        parameters: QuiltParameters,
+    ) -> None:
+        """Prepare for a run; `flattener` holds the patch that is asked about."""
+        self.net, self.grid, self.state, self.parameters = net, grid, state, parameters
+        self.cuts = 0
+        self._flattener = flattener
+        self._matcher = Matcher(grid)
+        self._rotated = RotatedMatcher(grid)
+        if parameters.literal:
+            self._rotated.precompute()
+        self._random = np.random.default_rng(parameters.seed)
+
+    def best(self, patch: FlatPatch, running: float) -> Candidate:
+        """Match and cut; the cheapest of the placements tried.
+
+        `running`: cost that each bare vertex which a placement misses is counted at.
+        """
+        net, local = self.net, self._flattener.local
+        turn = field_directions(
+            net.indptr, net.indices, net.edge, patch.order, patch.inner, local, patch.plane
+        )
+        direction = turn[:, 0] + 1j * turn[:, 1]
+        bare = self.state.patch[patch.order[: patch.inner]] < 0
+        mean = median_direction(direction[bare], direction[0])
+        plane = (patch.plane[:, 0] + 1j * patch.plane[:, 1]) * mean.conjugate()
+        heading = float(np.angle(mean))
+        best: Candidate | None = None
+        for placement in self._placements(patch, plane, heading):
+            spun = plane * np.exp(1j * placement.turn) / self.grid.unit
+            place = np.empty((len(plane), 2), np.float32)
+            place[:, 0] = placement.column + spun.real
+            place[:, 1] = placement.row - spun.imag
+            cut = fit(
+                net.indptr, net.indices, patch.order, patch.inner, local, place,
+                self.state.patch, self.state.source, self.state.ghost, self.grid.cut,
+                # the paper cuts the whole overlap
+                patch.radius * 2 if self.parameters.literal else self.parameters.band,
+            )  # fmt: skip
+            self.cuts += 1
+            score = cut.flow + running * cut.missed
+            if best is None or score < best.score:
+                angle = -np.angle(direction * (mean.conjugate() * np.exp(1j * placement.turn)))
+                best = Candidate(patch, cut, place, angle, score, 0.0)
+        assert best is not None
+        if self.parameters.max_seam is not None:
+            edges = seam_edges_around(
+                net.indptr, net.indices, patch.order, patch.inner, local, best.cut.fresh,
+                self.state.patch,
+            )  # fmt: skip
+            unit = 2 * max(self.grid.texel_difference, 1e-12)
+            best.seam = best.cut.flow / max(edges, 1) / unit
+        return best
+
+    def _placements(self, patch: FlatPatch, plane: C16, heading: float) -> list[Placement]:
+        """Candidate placements of the patch's centre, cheapest first.
+
+        `plane` has the field along +x already; `heading` is the angle it was turned back by.
+        """
+        knobs = self.parameters
+        found: list[Placement] = []
+        if (self.state.patch[patch.order] >= 0).any():
+            if knobs.literal:
+                image, mask = self._work_image(patch, plane * np.exp(1j * heading))
+                for at in self._rotated.match(
+                    image, mask, turn=-heading, overlap=knobs.overlap, margin=knobs.margin
+                ):
+                    found.append(Placement(at.column, at.row, at.cost, at.turn + heading))
+            else:
+                for angle in np.radians(knobs.swing):
+                    image, mask = self._work_image(patch, plane * np.exp(1j * angle))
+                    for at in self._matcher.match(
+                        image, mask, most=knobs.placements, overlap=knobs.overlap,
+                        margin=knobs.margin,
+                    ):  # fmt: skip
+                        found.append(Placement(at.column, at.row, at.cost, float(angle)))
+        if not found:
+            height, width = self.grid.cut.shape[:2]
+            x, y = 0.35 + 0.3 * self._random.random(2)
+            return [Placement(float(x * (width - 1)), float(y * (height - 1)), 0.0)]
+        found.sort(key=lambda placement: placement.cost)
+        return found[: knobs.placements]
+
+    def _work_image(self, patch: FlatPatch, spun: C16) -> tuple[F4, F4]:
+        net, state = self.net, self.state
+        point = np.stack([spun.real, -spun.imag], axis=1) / self.grid.unit
+        values = look_up(self.grid.match, state.source[patch.order])
+        known = state.patch[patch.order] >= 0
+        if not self.parameters.literal:
+            known &= near_bare(
+                net.indptr, net.indices, patch.order, self._flattener.local, state.patch,
+                self.parameters.match_band,
+            )  # fmt: skip
+        return work_image(
+            net.faces, net.face_ptr, net.face_of, patch.order, self._flattener.local, point,
+            values, known, self._half(point[: patch.inner]),
+        )  # fmt: skip
+
+    def _half(self, point: F8) -> int:
+        """Half the side of a work image that holds the patch, in steps of 4 texels."""
+        reach = float(np.abs(point).max()) if len(point) else 0.0
+        most = max(self.grid.cut.shape[:2])
+        return int(min(-(-(reach + 1) // 4) * 4, -(-most // 4) * 4))

@@ -1,0 +1,128 @@
+"""Where the next work patch lies and how large it is (Zhou §III-B, Fig. 4)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from btfcore.patch.connectivity import Connectivity, turning_rate
+from btfcore.patch.distortion import field_directions
+from btfcore.patch.flatten import SHRINK, FlatPatch, Flattener
+from btfcore.quilt.frontier import Frontier
+from btfcore.quilt.parameters import QuiltParameters
+from btfcore.quilt.state import QuiltState
+from btfcore.types import F8, I4
+
+SLACK = 1.5
+ON_COURSE = 0.52
+LEAST_BENT = 12  # a patch is not made smaller than this for a turning field
+FEW_BARE = 60  # where fewer bare vertices are near, a small patch fills them
+
+
+class PatchChooser:
+    """Chooses work patches and keeps the texture near the field in the median."""
+
+    def __init__(
+        self,
+        net: Connectivity,
+        flattener: Flattener,
+        frontier: Frontier,
+        state: QuiltState,
+        parameters: QuiltParameters,
+        radius: int,
+    ) -> None:
+        """Choose patches of at most `radius` levels."""
+        self.net, self.state, self.parameters = net, state, parameters
+        self.radius = radius
+        self.shrinks = 0
+        self._flattener, self._frontier = flattener, frontier
+        self._rate = turning_rate(net.indptr, net.indices, net.edge, net.turn, 40)
+        self._placed = self._near_field = 0
+
+    def accepted(self, angle: F8) -> None:
+        """Tell the angles to the field of vertices just synthesised."""
+        self._placed += len(angle)
+        near = np.abs(angle) < np.radians(self.parameters.near_field)
+        self._near_field += int(near.sum())
+
+    def choose(self, vertex: int) -> FlatPatch:
+        """Return the work patch that is to cover `vertex`, seeded ahead of the frontier.
+
+        A patch that had to shrink is seeded anew, nearer, lest it lose touch with the part
+        that it must continue.
+        """
+        if self.parameters.literal:
+            return self._flattener.flatten(vertex, self.radius)
+        ahead = self.parameters.ahead
+        ahead = self.radius // 2 if ahead is None else ahead
+        seed, depth, near = self._frontier.ahead(vertex, ahead)
+        if near < FEW_BARE:
+            return self._flattener.flatten(vertex, min(self.radius, 12))
+        patch = self._flattener.flatten(seed, self._reach(seed), self._straight)
+        if depth > 0 and patch.radius < min(self.radius, depth + 4):
+            self._flattener.release(patch)
+            seed, _, _ = self._frontier.ahead(vertex, min(ahead, patch.radius // 2))
+            patch = self._flattener.flatten(seed, self._reach(seed), self._straight)
+        return patch
+
+    def _reach(self, seed: int) -> int:
+        """Radius worth flattening: half as much again as the field's turning there allows.
+
+        The median distance from a diameter of the unit disk is 0.4.
+        """
+        allowed = self._bend() / (0.4 * max(self._rate[seed], 1e-4))
+        return int(np.clip(SLACK * allowed, min(LEAST_BENT, self.radius), self.radius))
+
+    def _bend(self) -> float:
+        """Bound in radians on a patch's median angle to the field.
+
+        `max_bend` while more than half of the texture so far lies within `near_field` of the
+        field, half of it otherwise: the median stays below that at the least cost in seams.
+        """
+        on_course = self._near_field >= ON_COURSE * self._placed
+        return float(np.radians(self.parameters.max_bend * (1.0 if on_course else 0.5)))
+
+    def _straight(self, order: I4, start: I4, plane: F8, radius: int) -> int:
+        """Largest radius at which the field does not turn too much for one piece of texture."""
+        net, bound = self.net, self._bend()
+        inner = int(start[min(radius + 1, len(start) - 1)])
+        turn = field_directions(
+            net.indptr, net.indices, net.edge, order, inner, self._flattener.local, plane
+        )
+        direction = turn[:, 0] + 1j * turn[:, 1]
+        bare = self.state.patch[order[:inner]] < 0
+        while radius > LEAST_BENT:
+            count = int(start[min(radius + 1, len(start) - 1)])
+            mine = direction[:count][bare[:count]]
+            if len(mine) == 0:
+                break
+            mean = median_direction(mine, mine[0])
+            if np.median(np.abs(np.angle(mine * mean.conjugate()))) <= bound:
+                break
+            radius = max(int(radius * SHRINK), LEAST_BENT)
+            self.shrinks += 1
+        return radius
+
+
+@njit(cache=True)
+def median_direction(directions, fallback):  # type: ignore[no-untyped-def]
+    """Unit direction with the least mean angle to `directions` (Weiszfeld's iteration).
+
+    The field's turns inside a patch are what its texture must ignore; their median leaves
+    more vertices near their own direction than the mean does.
+    """
+    mean = 0j
+    for direction in directions:
+        mean += direction
+    if abs(mean) < 1e-9:
+        return fallback
+    mean /= abs(mean)
+    for _ in range(4):
+        shifted = 0j
+        for direction in directions:
+            turned = direction * mean.conjugate()
+            shifted += direction / max(abs(np.arctan2(turned.imag, turned.real)), 0.02)
+        if abs(shifted) < 1e-9:
+            break
+        mean = shifted / abs(shifted)
+    return mean
