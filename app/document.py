@@ -130,7 +130,7 @@ class Document(QObject):
         if mode is Mode.COLOUR:
             return True
         if mode is Mode.SEAMS:
-            return self.decoration is not None or mode in self.textures
+            return self.decoration is not None or Mode.COLOUR in self.textures
         return self.canvas is not None
 
     def set_mesh(self, opened: Opened) -> None:
@@ -173,6 +173,8 @@ class Document(QObject):
         """Forget pictures of an unfinished result."""
         self.textures.pop(Mode.COLOUR, None)
         self.textures.pop(Mode.SEAMS, None)
+        if not self.offers(self.mode):
+            self.set_mode(Mode.COLOUR)
         self.picture_changed.emit()
 
     def set_mode(self, mode: Mode) -> None:

@@ -91,7 +91,7 @@ class Operations(QObject):
             report("canvas", (opened, knobs.rate, here))
 
             def show(partial: Quilt) -> None:
-                report("frame", self._pictures(here, sample, partial), droppable=True)
+                report("frame", lambda: self._pictures(here, sample, partial), droppable=True)
 
             begin = 0.02 if canvas else 0.4
             quilt, engine = pipeline.synthesize(
@@ -124,6 +124,7 @@ class Operations(QObject):
 
     def offer(self, paths: Sequence[Path], *, choose: bool = False) -> None:
         """Put image files on offer; their thumbnails follow. `choose` takes the first."""
+        paths = [path.absolute() for path in paths]
         fresh = [path for path in paths if path not in {e.path for e in self.document.samples}]
         self.document.offer_samples([SampleEntry(path) for path in fresh])
         self._to_read += fresh

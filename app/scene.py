@@ -29,7 +29,7 @@ from btfcore.types import F8, Sample
 
 TOP, BOTTOM = (0.95, 0.96, 0.97), (0.70, 0.73, 0.77)  # of the background's gradient
 CLAY = (0.80, 0.79, 0.77)
-AMBIENT, DIFFUSE = 0.42, 0.72
+AMBIENT, DIFFUSE = 0.48, 0.72
 # (position in the camera's frame, intensity): a key light from the upper left, a headlight
 # and a weak fill from the right; a surface facing the viewer is shown at its own brightness.
 LIGHTS = (((-0.9, 1.1, 1.2), 0.55), ((0.0, 0.0, 1.0), 0.30), ((1.2, 0.2, 0.6), 0.15))

@@ -7,19 +7,24 @@ import time
 from collections.abc import Callable
 from typing import Any, Protocol
 
-from PyQt6.QtCore import QObject, QRunnable, QThreadPool, pyqtSignal
+from PyQt6.QtCore import QObject, QRunnable, QThreadPool, QTimer, pyqtSignal
 
 from btfcore.errors import Cancelled, PatinaError
 from btfcore.progress import Progress
 
 SHOW_S = 0.04  # progress is told no oftener than this
 
+FRAME_MS = 200  # pause between droppable reports, so that drawing them slows no job down
+
 
 class Report(Protocol):
     """What a job is given to show a partial result: ``report(name, value)``."""
 
     def __call__(self, name: str, value: Any, *, droppable: bool = False) -> None:
-        """Hand `value` to the window's thread; a droppable one only if that keeps up."""
+        """Hand `value` to the window's thread.
+
+        A droppable one is a function that makes the value, called only if the window keeps up.
+        """
 
 
 Job = Callable[[Progress, Report], Any]
@@ -84,7 +89,7 @@ class Tasks(QObject):
     def _pass_on(self, name: str, value: object) -> None:
         self.reported.emit(name, value)
         if self._running is not None:
-            self._running.shown.set()
+            QTimer.singleShot(FRAME_MS, self._running.shown.set)
 
     def _end(self, outcome: str, value: object) -> None:
         worker, self._running = self._running, None
@@ -146,11 +151,11 @@ class _Worker(QRunnable):
             self._told = now
             self.signals.progressed.emit(min(max(fraction, 0.0), 1.0), label, left)
 
-    def _report(self, name: str, value: object, *, droppable: bool = False) -> None:
+    def _report(self, name: str, value: Any, *, droppable: bool = False) -> None:
         if droppable and not self.shown.is_set():
             return
         self.shown.clear()
-        self.signals.reported.emit(name, value)
+        self.signals.reported.emit(name, value() if droppable else value)
 
 
 class Clock:

@@ -30,7 +30,7 @@ class Viewport(QWidget):
         super().__init__(parent)
         self._document = document
         self._grip: QPointF | None = None
-        self._space = False
+        self._space = self._lively = False
         self._framed = True  # the user has not moved the camera since it was framed
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
@@ -68,7 +68,16 @@ class Viewport(QWidget):
         self.scene.place_camera()
         self.scene.smooth_edges(False)
         self._plotter.update()
-        self._rest.start(REST_MS)
+        if not self._lively:
+            self._rest.start(REST_MS)
+
+    def set_lively(self, lively: bool) -> None:
+        """While frames come by themselves none is worth the time for smooth edges."""
+        self._lively = lively
+        if lively:
+            self._rest.stop()
+        else:
+            self._rest.start(REST_MS)
 
     def _refine(self) -> None:
         """Draw a picture at rest with smooth edges, which is too slow for one in motion."""

@@ -112,6 +112,8 @@ class Window(QMainWindow):
         self.operations.noted.connect(self.notes.tell)
         self.operations.exported.connect(self._tell_exported)
         self.operations.work.started.connect(lambda name: self.errors.clear())
+        self.operations.work.started.connect(lambda name: self.viewport.set_lively(True))
+        self.operations.work.idle.connect(lambda: self.viewport.set_lively(False))
         self.welcome.open_wanted.connect(self.ask_mesh)
         self.welcome.example_wanted.connect(self.open_mesh)
         self.samples.folder_wanted.connect(self.ask_folder)

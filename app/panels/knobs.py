@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from PyQt6.QtCore import QSignalBlocker, Qt
+from PyQt6.QtCore import QSignalBlocker
 from PyQt6.QtWidgets import (
     QComboBox,
     QDoubleSpinBox,
-    QFormLayout,
+    QGridLayout,
     QHBoxLayout,
     QLabel,
     QPushButton,
@@ -49,27 +49,26 @@ class KnobsPanel(QWidget):
         seed.setContentsMargins(0, 0, 0, 0)
         seed.addWidget(self.seed, 1)
         seed.addWidget(dice)
-        form = QFormLayout()
+        form = QGridLayout()
         form.setContentsMargins(0, 0, 0, 0)
         form.setVerticalSpacing(8)
         form.setHorizontalSpacing(14)
-        form.setLabelAlignment(Qt.AlignmentFlag.AlignVCenter)
-        form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
-        for name, widget, field, tip in (
+        form.setColumnStretch(1, 1)
+        for name, field, tip in (
             (
-                self.tr("Sampling rate"), self.rate, self.rate,
+                self.tr("Sampling rate"), self.rate,
                 self.tr("Side of the texture in texels; more shows finer detail and takes longer"),
             ),
             (
-                self.tr("Pattern scale"), self.scale, self.scale,
+                self.tr("Pattern scale"), self.scale,
                 self.tr("2 makes the pattern twice as large on the surface"),
             ),
             (
-                self.tr("Work patch"), self.patch, self.patch,
+                self.tr("Work patch"), self.patch,
                 self.tr("Radius of one patch in texels; larger keeps more of the pattern whole"),
             ),
             (
-                self.tr("Seed"), seed, self.seed,
+                self.tr("Seed"), self.seed,
                 self.tr("The same seed gives the same result, another one another arrangement"),
             ),
         ):  # fmt: skip
@@ -78,7 +77,12 @@ class KnobsPanel(QWidget):
             label.setBuddy(field)
             field.setToolTip(tip)
             field.setAccessibleName(name)
-            form.addRow(label, widget)
+            row = form.rowCount()
+            form.addWidget(label, row, 0)
+            if field is self.seed:
+                form.addLayout(seed, row, 1)
+            else:
+                form.addWidget(field, row, 1)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(named(QLabel(self.tr("SYNTHESIS")), "heading"))

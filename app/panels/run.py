@@ -21,6 +21,7 @@ class RunPanel(QWidget):
         """Follow the jobs of `tasks`."""
         super().__init__(parent)
         self._document, self._tasks = document, tasks
+        self._last = ""
         self.start = named(QPushButton(self.tr("Synthesize")), "primary")
         self.start.clicked.connect(self.wanted)
         self.export = QPushButton(self.tr("Export…"))
@@ -39,14 +40,14 @@ class RunPanel(QWidget):
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.start)
-        layout.addLayout(below)
         layout.addWidget(self.label)
+        layout.addLayout(below)
         layout.addWidget(self.export)
         tasks.started.connect(self._started)
         tasks.progressed.connect(self._progressed)
-        tasks.cancelled.connect(lambda name: self.label.setText(self.tr("Cancelled")))
-        tasks.finished.connect(lambda name, value: self.label.clear())
-        tasks.failed.connect(lambda name, text: self.label.clear())
+        tasks.cancelled.connect(lambda name: self._say(self.tr("Cancelled.")))
+        tasks.failed.connect(lambda name, text: self._say(self.tr("Failed; see above.")))
+        tasks.finished.connect(self._finished)
         tasks.idle.connect(self._refresh)
         for changed in (document.mesh_changed, document.sample_chosen, document.result_changed):
             changed.connect(self._refresh)
@@ -69,9 +70,21 @@ class RunPanel(QWidget):
         self.export.setEnabled(document.decoration is not None)
         if missing and not busy:
             self.label.setText(" ".join(missing))
-        elif not busy and document.decoration is None:
-            self.label.clear()
-        self.label.setVisible(bool(self.label.text()) or busy)
+        elif not busy:
+            self.label.setText(self._last)
+
+    def _say(self, text: str) -> None:
+        """Keep `text` below the button until the next job."""
+        self._last = text
+        self.label.setText(text)
+
+    def _finished(self, name: str, value: object) -> None:
+        ready = {
+            "open": self.tr("Ready to synthesise."),
+            "synthesize": self.tr("Done. Other seeds give other arrangements."),
+            "export": self.tr("Exported."),
+        }
+        self._say(ready.get(name, ""))
 
     def _started(self, name: str) -> None:
         names = {"open": self.tr("Opening"), "export": self.tr("Exporting")}

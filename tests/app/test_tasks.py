@@ -1,4 +1,5 @@
 import threading
+from functools import partial
 
 import pytest
 
@@ -74,18 +75,19 @@ def test_one_job_at_a_time(qtbot):
 
 def test_a_slow_window_misses_frames_but_no_result(qtbot):
     tasks = Tasks()
-    got = []
+    got, made = [], []
     tasks.reported.connect(lambda name, value: got.append((name, value)))
 
     def job(progress, report):
         for number in range(50):  # the window is not listening meanwhile: it sits in `wait`
-            report("frame", number, droppable=True)
+            report("frame", partial(made.append, number), droppable=True)
         report("last", 50)
 
     tasks.start("job", job)
     assert tasks.wait(20_000)
     qtbot.waitUntil(lambda: not tasks.busy, timeout=20_000)
-    assert got == [("frame", 0), ("last", 50)]
+    assert got == [("frame", None), ("last", 50)]
+    assert made == [0]  # what nobody sees is not made
 
 
 def test_time_left_is_proportional_and_silent_at_first():
