@@ -77,8 +77,8 @@ def pack(charts: Charts, *, rate: int, gap: int = GAP) -> Atlas:
     """
     order = np.argsort(charts.chart, kind="stable")
     bounds = np.searchsorted(charts.chart[order], np.arange(charts.count + 1))
-    uv = _upright(charts.uv, order, bounds)
-    uv /= max(float(np.abs(uv).max()), np.finfo(float).tiny)  # areas must not overflow
+    unit = max(float(np.abs(charts.uv).max()), np.finfo(float).tiny)
+    uv = _upright(charts.uv / unit, order, bounds)  # areas must neither overflow nor vanish
     cell = max(1, -(-(rate - 2) // _BOARD))
     board = _Board(uv, order, bounds, (rate - 2) // cell, cell)
     area = float(np.abs(signed_areas(uv)).sum())
