@@ -19,7 +19,8 @@ _SMALL = 0.02  # of the surface: charts below are joined where the result lies f
 _MIRRORED, _OVERLAP, _BAD, _STRAIN = 5e-4, 2e-3, 0.01, 0.02  # most that a chart may have
 _SPRAWL = 0.4  # least share that a large chart may fill of its bounding box: it packs badly
 _LARGE = 0.03  # of the surface
-_COMPACT = 0.55  # the same for joined charts
+_COMPACT = 0.55  # the same for joined charts, unless the guest leaves the host
+_KEPT = 0.95  # of what it filled before
 _STRICT = 0.4  # of these, where a chart is joined
 
 
@@ -111,10 +112,12 @@ class _Flattening:
         target[guest] = host
         touched = np.flatnonzero(np.isin(self.chart, np.concatenate([guest, host])))
         usable = ~np.isin(self.chart[touched], guest)
+        hosts, earlier = self.quality(touched)
         self.chart = target[self.chart]
         self.settle(touched, usable)
         charts, found = self.quality(touched)
-        wrong = charts[fails(found, _STRICT) | (found.fill < _COMPACT)]
+        worse = found.fill < _KEPT * earlier.fill[np.searchsorted(hosts, charts)]
+        wrong = charts[fails(found, _STRICT) | (worse & (found.fill < _COMPACT))]
         back = np.flatnonzero(np.isin(self.chart, wrong))
         self.chart[back] = before_chart[back]
         self.place[back] = before_place[back]

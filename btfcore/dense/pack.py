@@ -15,9 +15,9 @@ from btfcore.types import F8, I4, I8, Atlas
 
 GAP = 3  # texels between charts: room for bilinear look-ups on both sides
 _BOARD = 512  # cells a side at most; larger images use cells of several texels
-_SKETCH = 160  # cells a side, about, of the board on which orders are tried
+_SKETCH = 250  # cells a side, about, of the board on which orders are tried
 _CROWDED = 0.25  # where charts would fill less of the image than this, the gap shrinks
-_SHUFFLES = 24  # random orders tried besides the sorted ones,
+_SHUFFLES = 40  # random orders tried besides the sorted ones,
 _MANY = 150  # where there are at most so many charts
 _DIRECTIONS = 45  # tried over a quarter turn for the smallest bounding box
 _TURNS = np.array([[[1, 0], [0, 1]], [[0, 1], [-1, 0]], [[-1, 0], [0, -1]], [[0, -1], [1, 0]]])
