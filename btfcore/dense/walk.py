@@ -15,7 +15,7 @@ from btfcore.dense.grid import COLUMN, ROW, U1, TexelGrid
 from btfcore.mesh.topology import find, join
 from btfcore.types import F8, I4, Frozen
 
-_LOOK = 2  # texels beyond the first one found that are looked at for a bridge
+_LOOK = 3  # texels within which islands are joined where they are nearest on the surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,8 @@ class Walks(Frozen):
 def outer_walks(grid: TexelGrid, pieces: int, points: F8) -> Walks:
     """Walk every unfilled face of the planar map, islands of one piece joined by bridges.
 
-    A bridge is an edge between nearest texels of two islands; it joins their walks to one.
+    A bridge is an edge between texels of two islands and joins their walks to one. Those
+    nearest on the surface come first: across a notch, texels may be near in the picture only.
     points (N, 3) f8: where the vertices lie.
     """
     vertex, start, outer = _trace(grid.number, grid.texel, grid.edges, grid.filled)
@@ -161,7 +162,6 @@ def _bridge(
                     more[place] = more[visit[vertex[place]]]
                     more[visit[vertex[place]]] = place
     count = len(vertex)
-    group = island.copy()
     root = np.arange(len(texel)).astype(np.int32)
     lost = np.empty(len(texel), np.int32)
     strays = 0
@@ -170,17 +170,27 @@ def _bridge(
             lost[strays] = v
             strays += 1
     lost = lost[:strays]
-    by_island = lost[np.argsort(island[lost], kind="mergesort")]
+    one, other = _near_pairs(number, texel, piece, points, island, visit, lost)
+    for pair in range(len(one)):
+        a, b = one[pair], other[pair]
+        if find(root, island[a]) != find(root, island[b]):
+            join(root, island[a], island[b])
+            p = _facing(texel, names, ahead, behind, visit, more, a, b)
+            q = _facing(texel, names, ahead, behind, visit, more, b, a)
+            count = _splice(names, ahead, behind, visit, more, p, q, count)
+    lost = lost[np.argsort(island[lost], kind="mergesort")]
     begin = 0
-    while begin < len(by_island):
+    while begin < len(lost):
         end = begin
-        here = island[by_island[begin]]
-        while end < len(by_island) and island[by_island[end]] == here:
+        here = island[lost[begin]]
+        while end < len(lost) and island[lost[end]] == here:
             end += 1
-        mine = by_island[begin:end]
+        mine = lost[begin:end]
         begin = end
-        a, b = _nearest(number, texel, piece, points, group, root, visit, mine)
-        join(root, group[a], group[b])
+        if find(root, here) == find(root, largest[piece[here]]):
+            continue
+        a, b = _nearest(number, texel, piece, island, root, visit, mine)
+        join(root, island[a], island[b])
         p = _facing(texel, names, ahead, behind, visit, more, a, b)
         q = _facing(texel, names, ahead, behind, visit, more, b, a)
         count = _splice(names, ahead, behind, visit, more, p, q, count)
@@ -188,22 +198,52 @@ def _bridge(
 
 
 @njit(cache=True)
-def _nearest(
-    number: I4, texel: I4, piece: I4, points: F8, group: I4, root: I4, visit: I4, mine: I4
-) -> tuple[int, int]:
-    """Outer vertex of an island and the nearest one of another group of its piece.
+def _near_pairs(
+    number: I4, texel: I4, piece: I4, points: F8, island: I4, visit: I4, lost: I4
+) -> tuple[I4, I4]:
+    """Pairs of vertices of two islands that are few texels apart, nearest on the surface first."""
+    rows, columns = number.shape
+    side = 2 * _LOOK + 1
+    one = np.empty(side * side * len(lost), np.int32)
+    other = np.empty(side * side * len(lost), np.int32)
+    far = np.empty(side * side * len(lost))
+    count = 0
+    for v in lost:
+        if visit[v] < 0:
+            continue
+        for r in range(max(texel[v, 0] - _LOOK, 0), min(texel[v, 0] + _LOOK + 1, rows)):
+            for c in range(max(texel[v, 1] - _LOOK, 0), min(texel[v, 1] + _LOOK + 1, columns)):
+                w = number[r, c]
+                if w < 0 or piece[w] != piece[v] or island[w] == island[v] or visit[w] < 0:
+                    continue
+                one[count], other[count] = v, w
+                far[count] = _square(points, v, w)
+                count += 1
+    order = np.argsort(far[:count], kind="mergesort")
+    return one[order], other[order]
 
-    Nearest on the surface: texels on the other side of a notch may be nearer in the picture.
-    """
+
+@njit(cache=True)
+def _square(points: F8, a: int, b: int) -> float:
+    total = 0.0
+    for axis in range(3):
+        total += (points[a, axis] - points[b, axis]) ** 2
+    return total
+
+
+@njit(cache=True)
+def _nearest(
+    number: I4, texel: I4, piece: I4, island: I4, root: I4, visit: I4, mine: I4
+) -> tuple[int, int]:
+    """Outer vertex of an island and the nearest texel of another group of its piece."""
     rows, columns = number.shape
     best, one, other = np.inf, -1, -1
-    last = max(rows, columns)
     for v in mine:
         if visit[v] < 0:
             continue
-        own = find(root, group[v])
+        own = find(root, island[v])
         ring = 1
-        while ring <= last:
+        while ring * ring < best and ring < max(rows, columns):
             for r in range(texel[v, 0] - ring, texel[v, 0] + ring + 1):
                 if r < 0 or r >= rows:
                     continue
@@ -212,13 +252,9 @@ def _nearest(
                     w = number[r, c] if 0 <= c < columns else -1
                     if w < 0 or piece[w] != piece[v] or visit[w] < 0:
                         continue
-                    far = 0.0
-                    for axis in range(3):
-                        far += (points[w, axis] - points[v, axis]) ** 2
-                    if find(root, group[w]) != own:
-                        last = min(last, ring + _LOOK)
-                        if far < best:
-                            best, one, other = far, v, w
+                    far = (r - texel[v, 0]) ** 2 + (c - texel[v, 1]) ** 2
+                    if far < best and find(root, island[w]) != own:
+                        best, one, other = far, v, w
             ring += 1
     return one, other
 
