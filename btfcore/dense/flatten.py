@@ -16,12 +16,12 @@ _CUTS = 16  # rounds of halving what does not lie flat
 _JOINS = 8  # rounds of joining small charts to a neighbour
 _EFFORT = 60_000  # faces laid flat anew in one round of joining
 _SMALL = 0.02  # of the surface: charts below are joined where the result lies flat
-_MIRRORED, _OVERLAP, _BAD, _STRAIN = 5e-4, 2e-3, 0.01, 0.02  # most that a chart may have
+_MIRRORED, _OVERLAP, _BAD, _STRAIN = 5e-4, 2e-3, 0.01, 0.02  # most that a chart may have,
+_STRICT = 0.4  # and the share of it that a joined chart may have
 _SPRAWL = 0.4  # least share that a large chart may fill of its bounding box: it packs badly
 _LARGE = 0.03  # of the surface
 _COMPACT = 0.55  # the same for joined charts, unless the guest leaves the host
 _KEPT = 0.95  # of what it filled before
-_STRICT = 0.4  # of these, where a chart is joined
 
 
 def flatten_charts(
