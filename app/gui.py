@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
+import threading
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from btfcore.errors import InvalidParameter, PatinaError
+
+if TYPE_CHECKING:
+    from PyQt6.QtCore import QTimer
+
+    from app.window import Window
 
 SCRIPTS = ("demo",)
 
@@ -48,6 +56,8 @@ def run_gui(path: Path | None, *, screenshot: Path | None = None, script: str | 
     scripted = screenshot is not None or script is not None
     window = Window(scripted=scripted)
     window.show()
+    pulse = _leave_on_interrupt(window)
+    application.aboutToQuit.connect(pulse.stop)
     if scripted:
         driver = Script(window, demo=script == "demo", mesh=path, screenshot=screenshot)
         driver.start()
@@ -56,6 +66,22 @@ def run_gui(path: Path | None, *, screenshot: Path | None = None, script: str | 
     if path is not None:
         window.open_mesh(path)
     return application.exec()
+
+
+def _leave_on_interrupt(window: Window) -> QTimer:
+    """Close the window on Ctrl-C; the timer lets Python hear of it inside Qt's loop."""
+    from PyQt6.QtCore import QTimer
+
+    def leave(number: int, frame: object) -> None:
+        window.scripted = True  # who presses Ctrl-C wants no question
+        window.close()
+
+    pulse = QTimer()
+    pulse.timeout.connect(lambda: None)
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, leave)
+        pulse.start(200)
+    return pulse
 
 
 def _check_display() -> None:

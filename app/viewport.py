@@ -122,6 +122,8 @@ class Viewport(QWidget):
             if gesture.gestureType() == Qt.NativeGestureType.ZoomNativeGesture:
                 self._zoom(1 + gesture.value())
             return True
+        if kind == QEvent.Type.FocusOut:
+            self._space = False
         if kind == QEvent.Type.Resize and self._framed:
             self.frame()
         return False

@@ -184,6 +184,25 @@ def test_closing_during_synthesis_stops_it(qtbot, window, files):
     assert not window.isVisible()
 
 
+@pytest.mark.parametrize("answer", ["keep", "discard"])
+def test_unexported_work_is_not_lost_without_a_question(qtbot, window, files, answer, monkeypatch):
+    load(qtbot, window, files)
+    window.synthesize()
+    idle(qtbot, window)
+    window.scripted = False
+    asked = []
+
+    def exec_box(box):
+        asked.append(box.text())
+        box.buttons()[0 if answer == "keep" else 1].click()
+
+    monkeypatch.setattr("app.window.QMessageBox.exec", exec_box)
+    window.close()
+    assert len(asked) == 1 and "exported" in asked[0]
+    assert window.isVisible() is (answer == "keep")
+    window.scripted = True
+
+
 def test_the_mouse_turns_shifts_and_zooms_and_keys_are_not_vtks(qtbot, window, files):
     load(qtbot, window, files)
     view = window.viewport
@@ -259,6 +278,27 @@ def test_a_display_that_is_not_there_is_named():
     )  # fmt: skip
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1 and ":4711" in done.stderr
+
+
+def test_ctrl_c_closes_the_window(files):
+    done = subprocess.Popen(
+        [sys.executable, "-c", INTERRUPTED, str(files / "ring.obj")],
+        cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    out, errors = done.communicate(timeout=120)
+    assert done.returncode == 0 and out == "left 0\n", errors
+
+
+INTERRUPTED = """
+import os, signal, sys
+from pathlib import Path
+from PyQt6.QtCore import QTimer
+from PyQt6.QtWidgets import QApplication
+application = QApplication([])
+QTimer.singleShot(1500, lambda: os.kill(os.getpid(), signal.SIGINT))
+from app.gui import run_gui
+print("left", run_gui(Path(sys.argv[1])))
+"""
 
 
 def test_an_unknown_script_is_named():
