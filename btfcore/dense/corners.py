@@ -12,10 +12,10 @@ from btfcore.dense.cut import Pieces
 from btfcore.dense.walk import Walks
 from btfcore.types import F8, I4, Frozen
 
-_TRIES = 8  # places that are tried for a piece's first corner
+_TRIES = 4  # places that are tried for a piece's first corner
 _CELLS = 4_000_000  # of the dynamic programme; above, only one place is tried
 _SPACING = 4.0  # texels between the marks set along arcs
-_MARKS = 64  # per piece, at most
+_MARKS = 250  # per piece, at most
 
 
 @dataclass(frozen=True, eq=False)
