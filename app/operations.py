@@ -11,7 +11,7 @@ import numpy as np
 from PyQt6.QtCore import QObject, pyqtSignal
 
 from app.document import U1, Canvas, Decoration, Document, Mode, Opened, SampleEntry
-from app.tasks import Report, Tasks
+from app.tasks import Job, Report, Tasks
 from btfcore import pipeline
 from btfcore.btf.image import SUFFIXES as IMAGE_SUFFIXES
 from btfcore.btf.image import read_images
@@ -120,7 +120,7 @@ class Operations(QObject):
             )  # fmt: skip
             return done, written
 
-        return self._start("export", job)
+        return self._start("export", job, harmless=False)
 
     def offer(self, paths: Sequence[Path], *, choose: bool = False) -> None:
         """Put image files on offer; their thumbnails follow. `choose` takes the first."""
@@ -183,8 +183,8 @@ class Operations(QObject):
 
     # --- results
 
-    def _start(self, name: str, job: Callable[[Progress, Report], Any]) -> bool:
-        if self.work.start(name, job):
+    def _start(self, name: str, job: Job, *, harmless: bool = True) -> bool:
+        if self.work.start(name, job, harmless=harmless):
             return True
         self.noted.emit(self.tr("Wait for the running task, or cancel it."))
         return False

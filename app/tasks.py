@@ -14,6 +14,7 @@ from btfcore.progress import Progress
 
 SHOW_S = 0.04  # progress is told no oftener than this
 
+PATIENCE_MS = 250  # how long a cancelled job may take to notice before it is left to itself
 FRAME_MS = 200  # pause between droppable reports, so that drawing them slows no job down
 
 
@@ -51,19 +52,24 @@ class Tasks(QObject):
         self._pool = QThreadPool(self)
         self._pool.setMaxThreadCount(1)
         self._running: _Worker | None = None
+        self._left: list[_Worker] = []
 
     @property
     def busy(self) -> bool:
         """A job is running or its end has not been told yet."""
         return self._running is not None
 
-    def start(self, name: str, job: Job) -> bool:
-        """Run ``job(progress, report)`` in the background; False where one is running."""
+    def start(self, name: str, job: Job, *, harmless: bool = True) -> bool:
+        """Run ``job(progress, report)`` in the background; False where one is running.
+
+        A `harmless` job changes nothing but what it returns: cancelled in the middle of a long
+        step it is left to itself, and the next job waits for it in the worker thread.
+        """
         if self.busy:
             return False
-        worker = _Worker(name, job)
+        worker = _Worker(name, job, harmless)
         self._running = worker
-        worker.signals.progressed.connect(self.progressed)
+        worker.signals.progressed.connect(self._pass_progress)
         worker.signals.reported.connect(self._pass_on)
         worker.signals.ended.connect(self._end)
         self.started.emit(name)
@@ -71,9 +77,12 @@ class Tasks(QObject):
         return True
 
     def cancel(self) -> None:
-        """Ask the running job to stop at its next report of progress."""
-        if self._running is not None:
-            self._running.stop.set()
+        """Stop the running job; told within `PATIENCE_MS` where it is harmless."""
+        worker = self._running
+        if worker is not None:
+            worker.stop.set()
+            if worker.harmless:
+                QTimer.singleShot(PATIENCE_MS, lambda: self._abandon(worker))
 
     def wait(self, milliseconds: int = -1) -> bool:
         """Block until the worker thread is through; its signals may still be queued."""
@@ -86,16 +95,28 @@ class Tasks(QObject):
         self.wait()
         self._running = None
 
-    def _pass_on(self, name: str, value: object) -> None:
-        self.reported.emit(name, value)
-        if self._running is not None:
+    def _abandon(self, worker: _Worker) -> None:
+        if worker is self._running:
+            self._left.append(worker)  # Python must not free it while it runs
+            self._tell(worker, "cancelled", None)
+
+    def _pass_progress(self, worker: object, fraction: float, label: str, left: float) -> None:
+        if worker is self._running:
+            self.progressed.emit(fraction, label, left)
+
+    def _pass_on(self, worker: object, name: str, value: object) -> None:
+        if self._running is not None and worker is self._running:
+            self.reported.emit(name, value)
             QTimer.singleShot(FRAME_MS, self._running.shown.set)
 
-    def _end(self, outcome: str, value: object) -> None:
-        worker, self._running = self._running, None
-        if worker is None:
-            return
-        self.wait()  # its last word is said, but Python must not free it under its own feet
+    def _end(self, worker: object, outcome: str, value: object) -> None:
+        if self._running is not None and worker is self._running:
+            self.wait()  # its last word is said, but it must not be freed under its own feet
+            self._left.clear()
+            self._tell(self._running, outcome, value)
+
+    def _tell(self, worker: _Worker, outcome: str, value: object) -> None:
+        self._running = None
         if outcome == "finished":
             self.finished.emit(worker.name, value)
         elif outcome == "failed":
@@ -107,40 +128,45 @@ class Tasks(QObject):
 
 
 class _Signals(QObject):
-    progressed = pyqtSignal(float, str, float)
-    reported = pyqtSignal(str, object)
-    ended = pyqtSignal(str, object)
+    progressed = pyqtSignal(object, float, str, float)
+    reported = pyqtSignal(object, str, object)
+    ended = pyqtSignal(object, str, object)
 
 
 class _Worker(QRunnable):
     """A job with its flags; lives in the pool's thread, its signals cross over."""
 
-    def __init__(self, name: str, job: Job) -> None:
+    def __init__(self, name: str, job: Job, harmless: bool) -> None:
         super().__init__()
         self.setAutoDelete(False)  # Python owns it
-        self.name = name
+        self.name, self.harmless = name, harmless
         self.signals = _Signals()
         self.stop = threading.Event()
         self.shown = threading.Event()  # the window has taken the last report
         self.shown.set()
-        self._job = job
+        self._job: Job | None = job
         self._clock = Clock()
         self._told = 0.0
 
     def run(self) -> None:
         """Run the job and tell how it ended, whatever it raises."""
+        assert self._job is not None
         try:
             value = self._job(self._progress, self._report)
         except Cancelled:
-            self.signals.ended.emit("cancelled", None)
+            self._end("cancelled", None)
         except PatinaError as error:
-            self.signals.ended.emit("failed", str(error))
+            self._end("failed", str(error))
         except MemoryError:
-            self.signals.ended.emit("failed", "there is not enough memory for this")
+            self._end("failed", "there is not enough memory for this")
         except Exception as error:  # a defect of ours must not take the window down
-            self.signals.ended.emit("failed", f"internal error: {type(error).__name__}: {error}")
+            self._end("failed", f"internal error: {type(error).__name__}: {error}")
         else:
-            self.signals.ended.emit("finished", value)
+            self._end("finished", value)
+
+    def _end(self, outcome: str, value: object) -> None:
+        self._job = None  # lets go of what the job held, should this worker be kept
+        self.signals.ended.emit(self, outcome, value)
 
     def _progress(self, fraction: float, label: str) -> None:
         if self.stop.is_set():
@@ -149,13 +175,13 @@ class _Worker(QRunnable):
         left = self._clock.left(fraction, now)
         if now - self._told >= SHOW_S or fraction >= 1.0:
             self._told = now
-            self.signals.progressed.emit(min(max(fraction, 0.0), 1.0), label, left)
+            self.signals.progressed.emit(self, min(max(fraction, 0.0), 1.0), label, left)
 
     def _report(self, name: str, value: Any, *, droppable: bool = False) -> None:
         if droppable and not self.shown.is_set():
             return
         self.shown.clear()
-        self.signals.reported.emit(name, value() if droppable else value)
+        self.signals.reported.emit(self, name, value() if droppable else value)
 
 
 class Clock:

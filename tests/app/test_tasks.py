@@ -64,6 +64,46 @@ def test_cancel_stops_at_the_next_progress(qtbot):
     assert running.is_set() and not tasks.busy
 
 
+def test_a_job_that_does_not_listen_is_left_to_itself_if_it_is_harmless(qtbot):
+    tasks = Tasks()
+    go = threading.Event()
+    heard = []
+    tasks.finished.connect(lambda name, value: heard.append((name, value)))
+
+    def deaf(progress, report):
+        go.wait(60)
+        report("late", 1)
+        return "late"
+
+    tasks.reported.connect(lambda name, value: heard.append((name, value)))
+    tasks.start("deaf", deaf)
+    with qtbot.waitSignal(tasks.cancelled, timeout=20_000):
+        tasks.cancel()
+    assert not tasks.busy
+    with qtbot.waitSignal(tasks.finished, timeout=20_000):
+        tasks.start("next", lambda progress, report: "next")
+        qtbot.wait(50)
+        assert heard == []  # the next one waits for the worker thread
+        go.set()
+    assert heard == [("next", "next")]
+
+
+def test_a_job_that_writes_is_waited_for(qtbot):
+    tasks = Tasks()
+    go = threading.Event()
+
+    def job(progress, report):
+        go.wait(60)
+        return "written"
+
+    tasks.start("export", job, harmless=False)
+    tasks.cancel()
+    qtbot.wait(400)
+    assert tasks.busy
+    with qtbot.waitSignal(tasks.finished, timeout=20_000):
+        go.set()
+
+
 def test_one_job_at_a_time(qtbot):
     tasks = Tasks()
     go = threading.Event()
