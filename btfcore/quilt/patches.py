@@ -36,7 +36,7 @@ class PatchChooser:
         self.radius = radius
         self.shrinks = 0
         self._flattener, self._frontier = flattener, frontier
-        self._rate = turning_rate(net.indptr, net.indices, net.edge, net.turn, 40)
+        self._rate = turning_rate(net.indptr, net.indices, net.edge, net.turn, 16)
         self._placed = self._near_field = 0
 
     def accepted(self, angle: F8) -> None:
