@@ -111,6 +111,8 @@ def decorate(
     if not quiet:
         for note in done.imported.notes:
             say(f"{mesh.name}: {note}")
+        for note in done.sample_notes:
+            say(f"{sample.name}: {note}")
         counts = done.engine.statistics
         say(f"{output}: {counts.patches} patches on {len(done.quilt.patch):,} vertices")
     if verbose:

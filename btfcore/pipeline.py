@@ -33,11 +33,15 @@ class Prepared:
 
 @dataclass(frozen=True, eq=False)
 class Decorated:
-    """Everything that one run made; `engine` knows the seams' statistics."""
+    """Everything that one run made.
+
+    `sample_notes` say what reading the sample changed; `engine` knows the seams' statistics.
+    """
 
     prepared: Prepared
     imported: ImportReport
     sample: Sample
+    sample_notes: tuple[str, ...]
     quilt: Quilt
     engine: Synthesizer
     clock: PhaseClock
@@ -52,19 +56,24 @@ def load_mesh(path: str | Path, *, progress: Progress = silent) -> tuple[Mesh, I
 
 def load_sample(path: str | Path) -> Sample:
     """Read a texture sample; raises `InvalidImage` or `GuardedFailure`."""
-    from btfcore.btf.image import read_image
+    return load_sample_notes(path)[0]
 
-    return read_image(Path(path))
+
+def load_sample_notes(path: str | Path) -> tuple[Sample, tuple[str, ...]]:
+    """Read a texture sample, and say in sentences what was done to it."""
+    from btfcore.btf.image import read_image_notes
+
+    return read_image_notes(Path(path))
 
 
 def load_both(
     mesh: str | Path, sample: str | Path, *, progress: Progress = silent
-) -> tuple[Mesh, ImportReport, Sample]:
+) -> tuple[Mesh, ImportReport, Sample, tuple[str, ...]]:
     """Read mesh and sample at the same time, each in its own guarded process."""
     with ThreadPoolExecutor(1) as pool:
-        picture = pool.submit(load_sample, sample)
+        picture = pool.submit(load_sample_notes, sample)
         loaded, report = load_mesh(mesh, progress=progress)
-        return loaded, report, picture.result()
+        return loaded, report, *picture.result()
 
 
 def prepare(
@@ -129,7 +138,9 @@ def decorate(
             from btfcore.field import read_guide
 
             vectors = read_guide(Path(guide))
-        loaded, imported, picture = load_both(mesh, sample, progress=between(progress, 0.0, 0.12))
+        loaded, imported, picture, notes = load_both(
+            mesh, sample, progress=between(progress, 0.0, 0.12)
+        )
     prepared = prepare(
         loaded, rate=rate, guide=vectors, progress=between(progress, 0.12, 0.45), clock=clock
     )
@@ -137,7 +148,7 @@ def decorate(
         quilt, engine = synthesize(
             prepared, picture, parameters=parameters, progress=between(progress, 0.45, 1.0)
         )
-    return Decorated(prepared, imported, picture, quilt, engine, clock)
+    return Decorated(prepared, imported, picture, notes, quilt, engine, clock)
 
 
 def export_decorated(

@@ -43,6 +43,7 @@ def run_report(done: Decorated) -> dict[str, Any]:
             "name": done.sample.name,
             "height": done.sample.colour.shape[0],
             "width": done.sample.colour.shape[1],
+            "notes": list(done.sample_notes),
         },
         "dense": dense_report(prepared),
         "field": {"singularities": len(prepared.field.singularities)},
