@@ -36,10 +36,11 @@ def connect(dense: DenseMesh, field: Field) -> Connectivity:
     faces = np.ascontiguousarray(dense.faces, np.int32)
     indptr, indices = adjacency(faces, len(dense.vertices))
     face_ptr, face_of = faces_at_vertices(faces, len(dense.vertices))
-    step = dense.step or 1.0  # a mesh of single texels has no area
-    points = np.ascontiguousarray((dense.vertices - dense.vertices.mean(axis=0)) / step)
-    edge, turn = _connection(indptr, indices, points, dense.normals, field.tangents)
+    points = dense.vertices - dense.vertices.mean(axis=0)
     area = _areas(points, faces)
+    step = float(np.sqrt(area.sum() / len(points))) or 1.0  # single texels have no area
+    edge, turn = _connection(indptr, indices, points / step, dense.normals, field.tangents)
+    area = (area / step**2).astype(np.float32)
     return Connectivity(indptr, indices, face_ptr, face_of, faces, edge, turn, area)
 
 
@@ -132,11 +133,15 @@ def turning_rate(indptr: I4, indices: I4, edge: F4, turn: F4, rounds: int) -> F4
 
 @njit(cache=True)
 def _areas(points, faces):  # type: ignore[no-untyped-def]
-    area = np.empty(len(faces), np.float32)
+    """Areas (G,) f8 of the faces."""
+    area = np.empty(len(faces), np.float64)
     for face in range(len(faces)):
-        a, b, c = faces[face]
-        normal = np.cross(points[b] - points[a], points[c] - points[a])
-        area[face] = 0.5 * np.sqrt((normal * normal).sum())
+        a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
+        x0, y0 = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
+        z0, z1 = points[b, 2] - points[a, 2], points[c, 2] - points[a, 2]
+        x1, y1 = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1]
+        x, y, z = y0 * z1 - z0 * y1, z0 * x1 - x0 * z1, x0 * y1 - y0 * x1
+        area[face] = 0.5 * np.sqrt(x * x + y * y + z * z)
     return area
 
 

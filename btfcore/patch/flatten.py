@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -60,12 +61,16 @@ class Flattener:
         """Prepare for `dense`; `literal` takes LSCM wherever a patch leaves its chart."""
         self.dense, self.field, self.net = dense, field, net
         self.bound = max_distortion
-        self._step = dense.step or 1.0
         self.literal = literal
         self.local: I4 = np.full(len(dense.vertices), -1, np.int32)
         self._texel = np.ascontiguousarray(dense.texel, np.int32)
         self._chart = np.ascontiguousarray(dense.chart, np.int32)
         self._texel_steps = _texel_in_steps(net, dense)
+
+    @cached_property
+    def _step(self) -> float:
+        """Dense-mesh step; only LSCM, which most runs never call, asks for it."""
+        return self.dense.step or 1.0
 
     def release(self, patch: FlatPatch) -> None:
         """Forget the patch's vertices; call it once done with `local`."""
