@@ -17,7 +17,9 @@ _JOINS = 8  # rounds of joining small charts to a neighbour
 _EFFORT = 60_000  # faces laid flat anew in one round of joining
 _SMALL = 0.02  # of the surface: charts below are joined where the result lies flat
 _MIRRORED, _OVERLAP, _BAD, _STRAIN = 5e-4, 2e-3, 0.01, 0.02  # most that a chart may have,
+_TWICE = 4.0  # points of the sample grid that a chart may cover twice,
 _STRICT = 0.4  # and the share of it that a joined chart may have
+_FINE = 1024  # sample points along a square as large as the surface
 _SPRAWL = 0.4  # least share that a large chart may fill of its bounding box: it packs badly
 _LARGE = 0.03  # of the surface
 _COMPACT = 0.55  # the same for joined charts, unless the guest leaves the host
@@ -63,6 +65,7 @@ class _Flattening:
         self.twin = twins(mesh.faces)
         self.shape, self.weight = face_shapes(mesh)
         self.area = surface_areas(mesh)
+        self.step = max(float(np.sqrt(self.area.sum())) / _FINE, float(np.finfo(float).tiny))
         self.length = np.abs(self.shape).ravel()
         self.chart = connected(chart, self.twin)
         self.place: C16 = np.ascontiguousarray(uv[..., 0] - 1j * uv[..., 1])
@@ -82,7 +85,13 @@ class _Flattening:
     def quality(self, subset: I8) -> tuple[I4, Quality]:
         """Charts of a subset of faces and how well they lie."""
         charts, local = np.unique(self.chart[subset], return_inverse=True)
-        found = measure(local.astype(np.int32), len(charts), self.shape[subset], self.place[subset])
+        found = measure(
+            local.astype(np.int32),
+            len(charts),
+            self.shape[subset],
+            self.place[subset],
+            step=self.step,
+        )
         found.culprit[found.culprit >= 0] = subset[found.culprit[found.culprit >= 0]]
         return charts.astype(np.int32), found
 
@@ -158,6 +167,7 @@ def fails(found: Quality, share: float = 1.0) -> Flags:
     return (
         (found.mirrored > share * _MIRRORED)
         | (found.overlap > share * _OVERLAP)
+        | (found.twice > share * _TWICE)
         | (found.bad > share * _BAD)
         | (found.strain > share * _STRAIN)
     )

@@ -10,7 +10,9 @@ from numba import njit
 from btfcore.dense.unwrap import C16
 from btfcore.types import F8, I4, I8
 
-_GRID = 96  # overlaps are looked for on this many cells a side of a chart's bounding box
+_GRID = 96  # overlaps are looked for on at least as many cells a side of a chart's bounding box
+_MOST = 2**22  # on about as many cells in all at most,
+_LONGEST = 2**16  # and a side
 _DIRECTIONS = 12  # tried over a quarter turn for the smallest bounding box
 _FAR = 1.5  # a face stretched or squeezed by more is a bad one
 
@@ -19,14 +21,16 @@ _FAR = 1.5  # a face stretched or squeezed by more is a bad one
 class Quality:
     """How charts lie, (C,) f8 each; shares are of a chart's area.
 
-    mirrored; overlap: sample points covered twice or more over all covered; bad: faces whose
-    singular values leave [1/1.5, 1.5]; strain: mean of (s1-1)² + (s2-1)²; fill: area over that
-    of the smallest bounding box; area: in the plane. culprit (C, 2) i4:
-    two faces that lie one over the other, or the largest mirrored face twice; else -1.
+    mirrored; overlap: sample points covered twice or more over all covered; twice: such points,
+    in number on a grid of the step asked for; bad: faces whose singular values leave
+    [1/1.5, 1.5]; strain: mean of (s1-1)² + (s2-1)²; fill: area over that of the smallest
+    bounding box; area: in the plane. culprit (C, 2) i4: two faces that lie one over the other,
+    else the largest mirrored face and -1, else -1.
     """
 
     mirrored: F8
     overlap: F8
+    twice: F8
     bad: F8
     strain: F8
     fill: F8
@@ -34,8 +38,12 @@ class Quality:
     culprit: I4
 
 
-def measure(chart: I4, count: int, shape: C16, place: C16) -> Quality:
-    """Quality of charts 0 … count-1; shape and place (F, 3) c16, edges and flat corners."""
+def measure(chart: I4, count: int, shape: C16, place: C16, *, step: float = np.inf) -> Quality:
+    """Quality of charts 0 … count-1; shape and place (F, 3) c16, edges and flat corners.
+
+    step : most distance between the points where overlaps are looked for, > 0; a chart whose
+    bounding box would have too many gets fewer.
+    """
     area = np.abs((shape[:, 0].conj() * -shape[:, 2]).imag) / 2
     edge = np.roll(place, -1, axis=1) - place
     signed = (edge[:, 0].conj() * -edge[:, 2]).imag / 2
@@ -48,11 +56,12 @@ def measure(chart: I4, count: int, shape: C16, place: C16) -> Quality:
     bounds = np.searchsorted(chart[order], np.arange(count + 1))
     culprit = np.full((count, 2), -1, np.int32)
     flat = place.view(np.float64).reshape(-1, 3, 2)
-    overlap = _overlaps(flat, signed, order, bounds, culprit)
+    overlap = _overlaps(flat, signed, order, bounds, step, culprit)
     covered: F8 = np.bincount(chart, np.abs(signed), count).astype(np.float64)
     return Quality(
         np.bincount(chart, np.where(signed < 0, area, 0), count) / whole,
         overlap,
+        overlap * covered / step / step,
         np.bincount(chart, np.where(bad, area, 0), count) / whole,
         np.bincount(chart, area * strain, count) / whole,
         covered / np.maximum(_boxes(flat, order, bounds), np.finfo(float).tiny),
@@ -94,11 +103,22 @@ def _boxes(place: F8, order: I8, bounds: I8) -> F8:
 
 
 @njit(cache=True)
-def _overlaps(place: F8, signed: F8, order: I8, bounds: I8, culprit: I4) -> F8:
-    """Share of covered sample points that more than one face covers."""
+def _crossing(ax: float, ay: float, bx: float, by: float, y: float) -> float:
+    """Where the edge a b is at height y; the same to the last bit for b a."""
+    if ay > by or (ay == by and ax > bx):
+        ax, ay, bx, by = bx, by, ax, ay
+    return ax + (bx - ax) * ((y - ay) / (by - ay))
+
+
+@njit(cache=True)
+def _overlaps(place: F8, signed: F8, order: I8, bounds: I8, spacing: float, culprit: I4) -> F8:
+    """Share of covered sample points that more than one face covers.
+
+    A point on an edge belongs to one of its two faces: heights and crossings are half open.
+    """
     count = len(bounds) - 1
     overlap = np.zeros(count)
-    owner = np.empty((_GRID, _GRID), np.int32)
+    owner = np.empty(_GRID * _GRID, np.int32)
     for c in range(count):
         faces = order[bounds[c] : bounds[c + 1]]
         if len(faces) < 2:
@@ -109,34 +129,44 @@ def _overlaps(place: F8, signed: F8, order: I8, bounds: I8, culprit: I4) -> F8:
         for f in faces:
             if signed[f] < largest:
                 largest = signed[f]
-                culprit[c] = f
+                culprit[c, 0], culprit[c, 1] = f, -1
             for k in range(3):
                 low_x, high_x = min(low_x, place[f, k, 0]), max(high_x, place[f, k, 0])
                 low_y, high_y = min(low_y, place[f, k, 1]), max(high_y, place[f, k, 1])
-        step = max(high_x - low_x, high_y - low_y) / (_GRID - 1)
+        wide, high = high_x - low_x, high_y - low_y
+        least = max(np.sqrt(wide * high / _MOST), max(wide, high) / _LONGEST)
+        step = min(max(wide, high) / (_GRID - 1), max(spacing, least))
         if not step > 0:
             continue
-        owner[:] = -1
+        columns, rows = int(wide / step) + 2, int(high / step) + 2
+        if columns * rows > len(owner):
+            owner = np.empty(columns * rows, np.int32)
+        owner[: columns * rows] = -1
         hits, twice = 0, 0
         for f in faces:
             ax, ay = (place[f, 0, 0] - low_x) / step, (place[f, 0, 1] - low_y) / step
             bx, by = (place[f, 1, 0] - low_x) / step, (place[f, 1, 1] - low_y) / step
             cx, cy = (place[f, 2, 0] - low_x) / step, (place[f, 2, 1] - low_y) / step
-            area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-            if area == 0:
-                continue
-            for y in range(max(int(np.ceil(min(ay, by, cy))), 0), int(max(ay, by, cy)) + 1):
-                for x in range(max(int(np.ceil(min(ax, bx, cx))), 0), int(max(ax, bx, cx)) + 1):
-                    one = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / area
-                    two = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / area
-                    if one <= 1e-9 or two <= 1e-9 or 1 - one - two <= 1e-9:
-                        continue  # strictly inside, so that neighbours do not share points
-                    if owner[y, x] >= 0:
-                        if twice == 0 and largest == 0.0:
-                            culprit[c, 0], culprit[c, 1] = owner[y, x], f
+            for y in range(int(np.ceil(min(ay, by, cy))), int(np.ceil(max(ay, by, cy)))):
+                left, right = np.inf, -np.inf
+                if (ay <= y) != (by <= y):
+                    x = _crossing(ax, ay, bx, by, y)
+                    left, right = min(left, x), max(right, x)
+                if (by <= y) != (cy <= y):
+                    x = _crossing(bx, by, cx, cy, y)
+                    left, right = min(left, x), max(right, x)
+                if (cy <= y) != (ay <= y):
+                    x = _crossing(cx, cy, ax, ay, y)
+                    left, right = min(left, x), max(right, x)
+                for at in range(
+                    y * columns + int(np.ceil(left)), y * columns + int(np.ceil(right))
+                ):
+                    if owner[at] >= 0:
+                        if twice == 0:
+                            culprit[c, 0], culprit[c, 1] = owner[at], f
                         twice += 1
                     else:
-                        owner[y, x] = f
+                        owner[at] = f
                         hits += 1
         overlap[c] = twice / max(hits, 1)
     return overlap

@@ -77,6 +77,32 @@ def torn(atlas):
     return wrong
 
 
+def covered_twice(charts, fine=512):
+    """Points of a grid, `fine` along a square as large as the surface, that each chart covers anew.
+
+    (C,) ints; the grid is laid through every chart's own plane.
+    """
+    corner = charts.uv * (fine / np.sqrt(np.abs(areas(charts.uv)).sum())) + [0.37, 0.61]
+    low = np.ceil(corner.min(axis=1)).astype(np.int64)
+    size = np.maximum(np.floor(corner.max(axis=1)).astype(np.int64) - low + 1, 0)
+    number = size[:, 0] * size[:, 1]
+    face = np.repeat(np.arange(len(number)), number)
+    at = np.arange(len(face)) - np.repeat(np.cumsum(number) - number, number)
+    point = low[face] + np.stack([at % size[face, 0], at // size[face, 0]], axis=1)
+    inside = np.ones(len(face), bool)
+    side = np.sign(areas(corner))[face]
+    for k in range(3):
+        edge = (corner[:, (k + 1) % 3] - corner[:, k])[face]
+        to = point - corner[face, k]
+        inside &= (edge[:, 1] * to[:, 0] - edge[:, 0] * to[:, 1]) * side > 1e-9
+    point, chart = point[inside], charts.chart[face[inside]].astype(np.int64)
+    point -= point.min(axis=0)
+    wide, high = point.max(axis=0) + 1
+    key, times = np.unique((chart * high + point[:, 1]) * wide + point[:, 0], return_counts=True)
+    count = int(charts.chart.max()) + 1
+    return np.bincount(key // (wide * high), times - 1, count).astype(int)
+
+
 def check_atlas(atlas, *, gap=3, mirrored=1e-3, stretch=1.06, occupancy=0.0):
     """Assert every law; the mesh should be small, the texels are visited one by one."""
     faces = len(atlas.mesh.faces)

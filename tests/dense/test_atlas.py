@@ -13,7 +13,7 @@ from btfcore.errors import AtlasFailed, Cancelled, GuardedFailure
 from btfcore.mesh.reader import read_mesh
 from btfcore.mesh.topology import twins
 from btfcore.types import Mesh
-from tests.dense.atlas_laws import areas, check_atlas, surface
+from tests.dense.atlas_laws import areas, check_atlas, covered_twice, surface
 from tests.mesh.shapes import TETRAHEDRON, cube, grid, sphere, together, torus
 
 
@@ -176,3 +176,4 @@ def test_laws_hold_where_charts_come_from_a_proxy(data, name):
     atlas = build_atlas(mesh, rate=256)
     assert 6 <= atlas.chart.max() < 60
     check_atlas(atlas, stretch=1.05, occupancy=0.4)
+    assert covered_twice(atlas).max() <= 4

@@ -6,15 +6,18 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import spsolve
 
+from btfcore.dense.atlas import chart_mesh
+from btfcore.dense.charts import Charts
 from btfcore.dense.flatten import fails, flatten_charts
 from btfcore.dense.labels import absorb, bisect, borders, connected, fill, smooth
-from btfcore.dense.quality import measure
+from btfcore.dense.quality import _overlaps, measure
 from btfcore.dense.segment import segment
 from btfcore.dense.transfer import transfer
 from btfcore.dense.unwrap import _forces, _solve, face_shapes, mean_positions, net, relax, unfold
+from btfcore.mesh.reader import read_mesh
 from btfcore.mesh.topology import twins
 from btfcore.types import Mesh
-from tests.dense.atlas_laws import areas, surface
+from tests.dense.atlas_laws import areas, covered_twice, surface
 from tests.mesh.shapes import grid, sphere, torus
 
 
@@ -145,6 +148,63 @@ def test_overlaps_are_found_with_two_faces_that_overlap():
     assert np.isclose(found.overlap[0], 1 / 3, atol=0.05)
     one, two = found.culprit[0]
     assert moved[two] != moved[one]
+
+
+def ramp(turn, rows=4, columns=160):
+    """A ring that rises a little while it turns: from a full turn on it lies over its own start."""
+    vertices, faces = grid(rows, columns)
+    angle, radius = turn * vertices[:, 0] / (columns - 1), 1 + vertices[:, 1] / (rows - 1)
+    corners = [radius * np.cos(angle), -radius * np.sin(angle), 0.02 * angle]
+    return mesh_of((np.stack(corners, axis=1), faces[:, ::-1]))
+
+
+def own_plan(mesh):
+    """A mesh as one chart, seen from above."""
+    flat = mesh.vertices[mesh.faces][..., :2] * [1, -1]
+    flat = flat if areas(flat).sum() > 0 else flat * [1, -1]
+    return Charts(mesh, flat, np.zeros(len(mesh.faces), np.int32))
+
+
+@pytest.mark.parametrize(("turn", "overlapping"), [(6.2, False), (6.293, True), (6.5, True)])
+def test_a_ring_that_overlaps_itself_by_a_sliver_is_cut(turn, overlapping):
+    plan = own_plan(ramp(turn))
+    assert (covered_twice(plan).sum() > 0) == overlapping
+    charts = flatten_charts(plan.mesh, plan.chart, plan.uv)
+    assert (charts.count > 1) == overlapping
+    assert covered_twice(charts).max() <= 4
+
+
+def test_no_chart_of_a_real_mesh_lies_over_itself(data):
+    mesh, _ = read_mesh(data / "meshes" / "skull.obj")
+    assert covered_twice(chart_mesh(mesh)).max() <= 4
+
+
+def test_overlaps_are_counted_like_point_by_point():
+    random = np.random.default_rng(4)
+    place = random.normal(size=(60, 3, 2)) * 0.2 + random.random((60, 1, 2))
+    chart = random.integers(0, 3, 60).astype(np.int32)
+    order = np.argsort(chart, kind="stable")
+    bounds = np.searchsorted(chart[order], np.arange(4))
+    culprit = np.full((3, 2), -1, np.int32)
+    signed = areas(place) * -1
+    step = 0.004
+    found = _overlaps(place, signed, order, bounds, step, culprit)
+    for c in range(3):
+        mine = place[chart == c]
+        low, high = mine.min(axis=(0, 1)), mine.max(axis=(0, 1))
+        size = ((high - low) / step).astype(int) + 1
+        x, y = np.meshgrid(*(low[k] + step * np.arange(size[k]) for k in range(2)))
+        times = np.zeros(x.shape, int)
+        for face in mine:
+            sides = [
+                (face[k, 0] - face[k - 1, 0]) * (y - face[k, 1])
+                - (face[k, 1] - face[k - 1, 1]) * (x - face[k, 0])
+                for k in range(3)
+            ]
+            times += (np.min(sides, axis=0) > 0) | (np.max(sides, axis=0) < 0)
+        wanted = (times - 1).clip(0).sum() / (times > 0).sum()
+        assert np.isclose(found[c], wanted, rtol=1e-4)
+        assert (chart[culprit[c]] == c).all() and culprit[c, 0] != culprit[c, 1]
 
 
 def graph(label, twin):
