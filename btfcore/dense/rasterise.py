@@ -28,8 +28,7 @@ def rasterise(uv: F8, piece: I4, count: int, size: int) -> tuple[I4, F8]:
     bare = _give_one(uv, area, piece, count, size, face, bary)
     if bare:
         raise InvalidParameter(
-            f"{bare} of {count} charts find no texel in an atlas of {size} x {size}:"
-            " raise the rate"
+            f"{bare} of {count} charts find no texel in an atlas of {size} x {size}: raise the rate"
         )
     return face, bary
 

@@ -23,11 +23,14 @@ def sound_levels(
     plane: F8,
     bound: float,
     share: float,
+    stretch: float,
+    stretched: float,
 ) -> int:
     """Largest number of levels whose prefix of the patch is flattened soundly (0 if none).
 
     Sound: at most `share` of the area lies outside [1/bound, bound] times the area on the
-    surface or is mirrored (Zhou's T_d as an area test), and no edge is torn, i.e. no two
+    surface or is mirrored (Zhou's T_d as an area test); at most `stretched` of the edges have
+    changed their length by more than a factor `stretch`; and no edge is torn, i.e. no two
     neighbours were carried apart around a handle. Level l is the ring that breadth-first
     growth reached in step l; the centre alone is level 0.
     """
@@ -38,6 +41,8 @@ def sound_levels(
             level_of[here] = level
     whole = np.zeros(levels + 1, np.float64)
     bad = np.zeros(levels + 1, np.float64)
+    edges = np.zeros(levels + 1, np.int64)
+    changed = np.zeros(levels + 1, np.int64)
     torn = levels + 1
     for here in range(len(order)):
         vertex = order[here]
@@ -48,7 +53,11 @@ def sound_levels(
             x = plane[other, 0] - plane[here, 0]
             y = plane[other, 1] - plane[here, 1]
             length = np.sqrt(edge[slot, 0] ** 2 + edge[slot, 1] ** 2)
-            if abs(np.sqrt(x * x + y * y) - length) > 1.0 + 0.5 * length:
+            drawn = np.sqrt(x * x + y * y)
+            edges[level_of[other]] += 1
+            if drawn > stretch * length or drawn * stretch < length:
+                changed[level_of[other]] += 1
+            if abs(drawn - length) > 1.0 + 0.5 * length:
                 torn = min(torn, level_of[other])
         for index in range(face_ptr[vertex], face_ptr[vertex + 1]):
             face = face_of[index]
@@ -64,12 +73,15 @@ def sound_levels(
                 bad[level] += area[face]
     sound = 0
     total = wrong = 0.0
+    lengths = off = 0
     for level in range(levels + 1):
         total += whole[level]
         wrong += bad[level]
+        lengths += edges[level]
+        off += changed[level]
         if level >= torn:
             break
-        if wrong <= share * total:
+        if wrong <= share * total and off <= stretched * lengths:
             sound = level
     return sound
 

@@ -20,6 +20,8 @@ from btfcore.types import F8, I4, DenseMesh, Field
 SHRINK = 0.8  # Zhou §III-B, "Hierarchical Search"
 SMALLEST = 4
 BAD_AREA = 0.005  # share of the area that may break T_d: zipper slivers always do
+STRETCH = 1.3
+STRETCHED = 0.06  # share of edges that may be longer or shorter by more than STRETCH
 MAX_VERTICES = 60_000
 
 
@@ -182,6 +184,7 @@ class Flattener:
             sound_levels(
                 net.indptr, net.indices, net.face_ptr, net.face_of, net.faces, net.area,
                 net.edge, order, start, self.local, plane, self.bound, BAD_AREA,
+                STRETCH, 1.0 if self.literal else STRETCHED,
             )
         )  # fmt: skip
 

@@ -19,7 +19,7 @@ class QuiltParameters:
     max_seam : T_c, bound on the seam cost per seam edge over the sample's mean texel
         difference; None keeps the best of the placements tried without a bound.
     max_bend : median angle in degrees between the field and a patch's texture above which the
-        patch shrinks (never below 12 levels).
+        patch shrinks (never below 8 levels).
     near_field : degrees within which half of the texture shall follow the field; while it does
         not, `max_bend` counts half.
     placements : candidate placements that are cut, the cheapest being kept.

@@ -15,7 +15,7 @@ from btfcore.types import F8, I4
 
 SLACK = 1.5
 ON_COURSE = 0.52
-LEAST_BENT = 12  # a patch is not made smaller than this for a turning field
+LEAST_BENT = 8  # a patch is not made smaller than this for a turning field
 FEW_BARE = 60  # where fewer bare vertices are near, a small patch fills them
 
 

@@ -134,7 +134,7 @@ def test_a_map_that_meets_itself_is_torn_and_cut():
     points, _ = exponential_map(net.indptr, net.indices, net.edge, net.turn, order, start, local)
     sound = sound_levels(
         net.indptr, net.indices, net.face_ptr, net.face_of, net.faces, net.area, net.edge,
-        order, start, local, points, 4.0, 0.005,
+        order, start, local, points, 4.0, 0.005, 1.3, 1.0,
     )  # fmt: skip
     assert 6 <= sound <= 12  # the disk closes around the cylinder at 12 levels
 
