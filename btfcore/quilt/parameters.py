@@ -39,8 +39,8 @@ class QuiltParameters:
     max_distortion: float = 4.0
     max_seam: float | None = None
     max_bend: float = 10.0
-    near_field: float = 4.7
-    placements: int = 3
+    near_field: float = 4.8
+    placements: int = 4
     swing: tuple[float, ...] = (0.0,)
     ahead: int | None = None
     band: int = 20

@@ -13,8 +13,8 @@ from btfcore.quilt.parameters import QuiltParameters
 from btfcore.quilt.state import QuiltState
 from btfcore.types import F8, I4
 
-SLACK = 1.5
-ON_COURSE = 0.52
+SLACK = 1.25
+ON_COURSE = 0.51
 LEAST_BENT = 8  # a patch is not made smaller than this for a turning field
 FEW_BARE = 60  # where fewer bare vertices are near, a small patch fills them
 
@@ -66,7 +66,7 @@ class PatchChooser:
         return patch
 
     def _reach(self, seed: int) -> int:
-        """Radius worth flattening: half as much again as the field's turning there allows.
+        """Radius worth flattening: a quarter more than the field's turning there allows.
 
         The median distance from a diameter of the unit disk is 0.4.
         """
