@@ -28,7 +28,8 @@ CASES = (
 )
 QUICK = (("spot.obj", "brick_red.png", 256, True),)
 SEEDS = (0, 1, 2)  # one seed's seams differ by up to a tenth from another's
-NOTE = """Means of three seeds. *literal*: LSCM for every patch that crosses charts, 72 rotated copies of
+NOTE = """Means of three seeds.
+*literal*: LSCM for every patch that crosses charts, 72 rotated copies of
 the sample, matching on all channels, first placement only (`--literal`). *per edge*: seam cost
 per seam edge over the sample's own mean texel difference; *per vertex*: seam cost per vertex over
 the cost of random pairs; *angle*: median deviation from the field in degrees; *low*, *median*,
