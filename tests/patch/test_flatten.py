@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from btfcore.patch.connectivity import adjacency, connect, faces_at_vertices
+from btfcore.patch.connectivity import adjacency, connect, faces_at_vertices, turning_rate
 from btfcore.patch.distortion import field_directions, sound_levels
 from btfcore.patch.expmap import exponential_map
 from btfcore.patch.flatten import Flattener
 from btfcore.patch.grow import grow, release
 from btfcore.patch.lscm import lscm, patch_faces
 from btfcore.patch.relax import relax
+from btfcore.types import Field
 from tests.patch.dijkstra_map import exponential_map as dijkstra_map
 from tests.surfaces import constant_field, cylinder, dense_mesh, plane, random_field, sphere
 
@@ -179,3 +180,19 @@ def test_lscm_of_a_developable_patch_agrees_with_the_exponential_map():
     used = np.isfinite(conformal).all(axis=1)
     assert used.mean() > 0.9
     assert np.abs(conformal[used] - points[used]).max() < 0.1
+
+
+def test_turning_rate_of_a_field_that_turns_evenly():
+    dense = plane(40, 40)
+    angle = 0.05 * dense.vertices[:, 0]
+    tangents = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1).astype(np.float32)
+    net = connect(dense, Field(tangents, np.zeros((0, 3))))
+    rate = turning_rate(net.indptr, net.indices, net.edge, net.turn, 0)
+    inside = 20 * 40 + 20
+    near = net.indices[net.indptr[inside] : net.indptr[inside + 1]]
+    offset = dense.vertices[near] - dense.vertices[inside]
+    # twin: angle between the two ends over the edge's length in steps
+    length = np.linalg.norm(offset, axis=1) / dense.step
+    assert rate[inside] == pytest.approx((0.05 * np.abs(offset[:, 0]) / length).mean(), rel=1e-3)
+    spread = turning_rate(net.indptr, net.indices, net.edge, net.turn, 5)
+    assert spread[inside] == pytest.approx(rate[inside], rel=1e-3)

@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from btfcore.patch.connectivity import connect
-from btfcore.quilt.fitting import fit
+from btfcore.quilt.fitting import fit, near_bare
 from tests.surfaces import constant_field, plane
 
 ROWS, COLUMNS = 5, 5
@@ -157,3 +157,24 @@ def test_same_placement_costs_nothing():
     )  # fmt: skip
     assert cut.flow == pytest.approx(0, abs=1e-9)
     assert cut.fresh[patch < 0].all() and cut.missed == 0
+
+
+@pytest.mark.parametrize("levels", [0, 2, 5])
+def test_near_bare_against_plain_relaxation(levels):
+    random = np.random.default_rng(levels)
+    dense = plane(12, 14)
+    net = connect(dense, constant_field(dense))
+    patch = np.where(random.random(168) < 0.05, -1, 0).astype(np.int32)
+    order = random.permutation(168)[:140].astype(np.int32)  # the rest lies outside the patch
+    local = np.full(168, -1, np.int32)
+    local[order] = np.arange(140)
+    near = {int(v) for v in order if patch[v] < 0}
+    for _ in range(levels):
+        near |= {
+            int(q)
+            for p in near
+            for q in net.indices[net.indptr[p] : net.indptr[p + 1]]
+            if local[q] >= 0
+        }
+    found = near_bare(net.indptr, net.indices, order, local, patch, levels)
+    assert {int(v) for v in order[found]} == near
