@@ -13,6 +13,10 @@ class InvalidImage(PatinaError):
     """An image file or array that cannot serve as a sample."""
 
 
+class InvalidBtf(PatinaError):
+    """A BTF file, folder or array that cannot serve as a sample."""
+
+
 class InvalidGuide(PatinaError):
     """A guide (user vectors for the orientation field) that cannot be used."""
 

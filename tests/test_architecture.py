@@ -101,6 +101,9 @@ DOORS = {
     "igl": ("btfcore.patch.lscm", "btfcore.dense", "btfcore.mesh"),
     "trimesh": ("btfcore.mesh.trimesh_door",),
     "PIL": ("btfcore.btf.pillow_door", "btfcore.files.png", "app"),
+    "OpenImageIO": ("btfcore.btf.oiio_door", "btfcore.files.exr"),
+    "pydantic": ("btfcore.files.package.manifest",),
+    "mitsuba": (),
     "PyQt6": ("app",),
     "pyvistaqt": ("app.viewport",),
     "pyvista": ("app.scene", "app.viewport", "app.tools"),
@@ -113,7 +116,10 @@ DOORS = {
 }
 
 # What the command line's help must not wait for.
-HEAVY = ("PyQt6", "pyvista", "vtkmodules", "numba", "igl", "maxflow", "scipy", "trimesh", "xatlas")
+HEAVY = (
+    "PyQt6", "pyvista", "vtkmodules", "numba", "igl", "maxflow", "scipy", "trimesh", "xatlas",
+    "OpenImageIO", "pydantic",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,1 @@
+"""Bakes PBR texture sets into BTF samples: relief, shadows, parallax and GGX."""

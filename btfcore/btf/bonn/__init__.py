@@ -1,0 +1,1 @@
+"""Readers of the Bonn binary BTF formats: DFMF, FMF, PVF and BDI."""

@@ -1,0 +1,1 @@
+"""Factorises BTFs into geometry maps and eigen point-appearance functions (Zhou §III-B)."""

@@ -1,0 +1,1 @@
+"""Spherical harmonics and PCA over the light direction (Furukawa §2)."""

@@ -1,0 +1,1 @@
+"""Interpolation between the measured directions of a BTF."""

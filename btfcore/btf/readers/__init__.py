@@ -1,0 +1,1 @@
+"""Readers of image sets: Bonn file names, direction tables, RTI/PTM, PBR sets."""
