@@ -83,12 +83,60 @@ def _decode(path: Path, options: Options, notes: list[str]) -> NDArray[Any]:
     return np.asarray(image.convert("RGB"))
 
 
-def _open(path: Path) -> Image.Image:
-    """Open with the one decoder that the file's first bytes, or a .tga ending, call for."""
-    with path.open("rb") as stream:
-        head = stream.read(32)
+def raw_picture(source: Path | bytes, options: Options, notes: list[str]) -> NDArray[Any]:
+    """Pixels as they are stored: (H, W, 3) or grey (H, W), u1, or u2 for deep grey images.
+
+    options: "most" pixels, "icc": bring colours to sRGB by the image's own profile, "size":
+    the only [width, height] that will do, or None. Palettes are resolved, alpha is left out,
+    the camera's turn is undone. Raises `InvalidImage`, or whatever Pillow makes of a broken file.
+    """
+    warnings.simplefilter("ignore")
+    Image.MAX_IMAGE_PIXELS = None  # checked by `check_size` before anything is decoded
+    image = _open(source)
+    check_size(*image.size, options)
+    profile = image.info.get("icc_profile") if options["icc"] else None
+    image.load()
+    image = ImageOps.exif_transpose(image)
+    if image.mode in _DEEP:
+        values = np.asarray(image)
+        if image.mode == "F":
+            return values
+        if values.size and not 0 <= int(values.min()) <= int(values.max()) <= 65535:
+            raise InvalidImage(f"its values reach from {values.min()} to {values.max()}")
+        return values.astype(np.uint16)
+    if image.mode in ("P", "PA"):
+        image = image.convert("RGB")
+    if image.mode in ("RGBA", "LA", "RGBa", "La"):
+        notes.append("left out its alpha channel")
+        image = image.convert("RGB" if image.mode.startswith("RGB") else "L")
+    if image.mode in ("1", "L") and not profile:
+        return np.asarray(image.convert("L"))
+    return np.asarray((_to_srgb(image, profile, notes) if profile else image).convert("RGB"))
+
+
+def check_size(width: int, height: int, options: Options) -> None:
+    """Refuse what an image's header announces: too many pixels, or not the one size that fits."""
+    if width < 1 or height < 1 or width * height > options["most"]:
+        raise InvalidImage(
+            f"{width:,} x {height:,} = {width * height:,} pixels; 1 to {options['most']:,}"
+            " can be read"
+        )
+    wanted = options["size"]
+    if wanted is not None and sorted((width, height)) != sorted(wanted):
+        raise InvalidImage(
+            f"its size is {width} x {height}, that of the first image {wanted[0]} x {wanted[1]}"
+        )
+
+
+def _open(source: Path | bytes) -> Image.Image:
+    """Open with the one decoder that the first bytes, or a file's .tga ending, call for."""
+    if isinstance(source, Path):
+        with source.open("rb") as stream:
+            head = stream.read(32)
+    else:
+        head = source[:32]
     kind = next(((form, plugin) for magic, form, plugin in _MAGIC if head.startswith(magic)), None)
-    if kind is None and path.suffix.lower() == ".tga":
+    if kind is None and isinstance(source, Path) and source.suffix.lower() == ".tga":
         kind = ("TGA", "TgaImagePlugin")
     if kind is None:
         raise InvalidImage(
@@ -96,7 +144,9 @@ def _open(path: Path) -> Image.Image:
         )
     importlib.import_module(f"PIL.{kind[1]}")
     try:
-        return Image.open(path, formats=[kind[0]])
+        return Image.open(
+            source if isinstance(source, Path) else io.BytesIO(source), formats=[kind[0]]
+        )
     except UnidentifiedImageError as error:
         raise InvalidImage(f"its {kind[0]} header makes no sense") from error
 
