@@ -8,7 +8,7 @@ ARGS ?=
 export PYTHON
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-all run test lint format bench corpus clean
+.PHONY: help setup setup-all run test lint format bench corpus fuzz samples clean
 
 help:
 	@echo "make run     open the window with a demo; without a display make a picture in out/"
@@ -17,6 +17,8 @@ help:
 	@echo "make format  let ruff lay out the code"
 	@echo "make bench   run time and error of each phase, against the paper's way"
 	@echo "make corpus  every mesh of ../shared/data: a valid result or a named error"
+	@echo "make fuzz    damaged sample files of every kind: a sample or a named error"
+	@echo "make samples bake the shipped samples anew from their recipes"
 	@echo "make setup   only install what is needed, into .venv"
 	@echo "make clean   remove .venv, caches and out/"
 
@@ -44,9 +46,19 @@ format: setup
 bench: setup
 	$(BIN)/patina bench dense $(ARGS)
 	$(BIN)/patina bench quilt $(ARGS)
+	$(BIN)/patina bench bake $(ARGS)
+	$(BIN)/patina bench factorize $(ARGS)
+	$(BIN)/patina bench harmonics $(ARGS)
+	$(BIN)/patina bench interpolation $(ARGS)
 
 corpus: setup
 	$(BIN)/python tests/corpus.py $(ARGS)
+
+fuzz: setup
+	$(BIN)/python tests/fuzz.py $(ARGS)
+
+samples: setup
+	$(BIN)/python -m resources.recipes $(ARGS)
 
 clean:
 	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis build out *.egg-info

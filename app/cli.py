@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from app.console import reporter, say
+from app.sample_cli import sample_app
 from btfcore import __version__
 from btfcore.errors import Cancelled, PatinaError
 
@@ -20,6 +21,7 @@ app = typer.Typer(
     no_args_is_help=False,
     pretty_exceptions_enable=False,
 )
+app.add_typer(sample_app, name="sample")
 
 
 @app.callback(invoke_without_command=True)
@@ -38,7 +40,7 @@ def root(
 @app.command()
 def decorate(
     mesh: Annotated[Path, typer.Argument(help="OBJ, PLY, STL, OFF, GLB or glTF file.")],
-    sample: Annotated[Path, typer.Argument(help="Texture sample: PNG, JPEG, TIFF, …")],
+    sample: Annotated[Path, typer.Argument(help="Sample: an image, a PBR set, a BTF of any kind.")],
     output: Annotated[
         Path, typer.Option("-o", "--output", help="Result, ending in .glb, .obj or .ply.")
     ],
@@ -137,7 +139,7 @@ def gui(
 
 @app.command()
 def bench(
-    stage: Annotated[str, typer.Argument(help="dense or quilt.")],
+    stage: Annotated[str, typer.Argument(help="dense, quilt, bake, factorize, harmonics, …")],
     write: Annotated[bool, typer.Option(help="Write the table into docs/benchmarks.md.")] = False,
     quick: Annotated[bool, typer.Option(help="Fewer meshes, samples and rates.")] = False,
 ) -> None:

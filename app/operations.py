@@ -16,6 +16,9 @@ from btfcore import pipeline
 from btfcore.btf.image import SUFFIXES as IMAGE_SUFFIXES
 from btfcore.btf.image import read_images
 from btfcore.errors import PatinaError
+from btfcore.files.package.read import read_package
+from btfcore.files.package.write import SUFFIX as PACKAGE_SUFFIX
+from btfcore.files.samples import thumbnail
 from btfcore.files.surface import export_input
 from btfcore.mesh.reader import SUFFIXES as MESH_SUFFIXES
 from btfcore.progress import Progress, between
@@ -25,6 +28,7 @@ from btfcore.render.modes import chart_colours, field_colours, seam_colours
 from btfcore.render.texture import atlas_texture, vertex_colours
 from btfcore.types import Atlas, Quilt, Sample
 
+SAMPLE_SUFFIXES = (*IMAGE_SUFFIXES, PACKAGE_SUFFIX)
 THUMBNAIL = 192  # pixels a side, enough for 96 on a screen of double density
 MOST_SAMPLES = 400  # of one folder
 
@@ -123,7 +127,7 @@ class Operations(QObject):
         return self._start("export", job, harmless=False)
 
     def offer(self, paths: Sequence[Path], *, choose: bool = False) -> None:
-        """Put image files on offer; their thumbnails follow. `choose` takes the first."""
+        """Put samples on offer; their thumbnails follow. `choose` takes the first."""
         paths = [path.absolute() for path in paths]
         fresh = [path for path in paths if path not in {e.path for e in self.document.samples}]
         self.document.offer_samples([SampleEntry(path) for path in fresh])
@@ -133,18 +137,18 @@ class Operations(QObject):
             self.document.choose_sample(paths[0])
 
     def offer_folder(self, folder: Path) -> None:
-        """Put the images of a folder on offer."""
+        """Put the samples of a folder on offer."""
         try:
-            found = [path for path in sorted(folder.iterdir()) if is_image(path)]
+            found = [path for path in sorted(folder.iterdir()) if is_sample(path)]
         except OSError as error:
             self.failed.emit(self.tr("{0} cannot be read: {1}").format(folder, error.strerror))
             return
         if not found:
-            known = ", ".join(IMAGE_SUFFIXES)
-            self.failed.emit(self.tr("{0} holds no image ({1}).").format(folder, known))
+            known = ", ".join(SAMPLE_SUFFIXES)
+            self.failed.emit(self.tr("{0} holds no sample ({1}).").format(folder, known))
             return
         if len(found) > MOST_SAMPLES:
-            text = self.tr("{0} holds {1} images; the first {2} are shown.")
+            text = self.tr("{0} holds {1} samples; the first {2} are shown.")
             self.noted.emit(text.format(folder, len(found), MOST_SAMPLES))
         self.offer(found[:MOST_SAMPLES])
 
@@ -254,9 +258,9 @@ class Operations(QObject):
         self.reading.start("thumbnails", lambda progress, report: _thumbnails(paths, progress))
 
 
-def is_image(path: Path) -> bool:
-    """Say whether a path looks like an image file."""
-    return path.suffix.lower() in IMAGE_SUFFIXES and not path.name.startswith(".")
+def is_sample(path: Path) -> bool:
+    """Say whether a path looks like an image file or a sample package."""
+    return path.suffix.lower() in SAMPLE_SUFFIXES and not path.name.startswith(".")
 
 
 def is_mesh(path: Path) -> bool:
@@ -283,9 +287,11 @@ def _both(canvas: Canvas, sample: Sample, quilt: Quilt) -> dict[Mode, U1]:
 
 
 def _thumbnails(paths: Sequence[Path], progress: Progress) -> list[SampleEntry]:
-    entries = []
+    packages = [path for path in paths if path.suffix.lower() == PACKAGE_SUFFIX]
+    entries = [_package_entry(path) for path in packages]
+    pictures = [path for path in paths if path not in packages]
     for path, read in zip(
-        paths, read_images(paths, max_side=THUMBNAIL, progress=progress), strict=True
+        pictures, read_images(pictures, max_side=THUMBNAIL, progress=progress), strict=True
     ):
         if isinstance(read, PatinaError):
             entries.append(SampleEntry(path, error=str(read)))
@@ -293,3 +299,11 @@ def _thumbnails(paths: Sequence[Path], progress: Progress) -> list[SampleEntry]:
             small = (np.clip(read.colour, 0, 1) * 255 + 0.5).astype(np.uint8)
             entries.append(SampleEntry(path, thumbnail=small))
     return entries
+
+
+def _package_entry(path: Path) -> SampleEntry:
+    """Show a package from above, lit obliquely; nothing foreign decodes it."""
+    try:
+        return SampleEntry(path, thumbnail=thumbnail(read_package(path), side=THUMBNAIL))
+    except PatinaError as error:
+        return SampleEntry(path, error=str(error))

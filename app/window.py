@@ -20,7 +20,7 @@ from PyQt6.QtWidgets import (
 
 from app.document import Document
 from app.menus import Menus
-from app.operations import Operations, is_image, is_mesh
+from app.operations import SAMPLE_SUFFIXES, Operations, is_mesh, is_sample
 from app.panels.knobs import KnobsPanel
 from app.panels.messages import MessageBar
 from app.panels.modes import ModesPanel
@@ -30,10 +30,9 @@ from app.panels.welcome import WelcomePanel
 from app.theme import named
 from app.viewport import Viewport
 from btfcore import __version__
-from btfcore.btf.image import SUFFIXES as IMAGE_SUFFIXES
 from btfcore.errors import PatinaError
 from btfcore.files.export import SUFFIXES as EXPORT_SUFFIXES
-from btfcore.library import meshes, samples
+from btfcore.library import btf_samples, meshes, samples
 from btfcore.mesh.reader import SUFFIXES as MESH_SUFFIXES
 
 PANEL_WIDTH = 344
@@ -153,8 +152,8 @@ class Window(QMainWindow):
             self.open_mesh(Path(name))
 
     def ask_image(self) -> None:
-        """Let the user choose image files as samples."""
-        kinds = self.tr("Images ({0})").format(_patterns(IMAGE_SUFFIXES))
+        """Let the user choose image files and packages as samples."""
+        kinds = self.tr("Samples ({0})").format(_patterns(SAMPLE_SUFFIXES))
         names, _ = QFileDialog.getOpenFileNames(
             self, self.tr("Open samples"), self._folder("sample"), kinds
         )
@@ -225,7 +224,7 @@ class Window(QMainWindow):
         """Open the first mesh, offer all images and the images of folders."""
         for folder in [path for path in paths if path.is_dir()]:
             self.operations.offer_folder(folder)
-        images = [path for path in paths if is_image(path) and not path.is_dir()]
+        images = [path for path in paths if is_sample(path) and not path.is_dir()]
         if images:
             self.operations.offer(images, choose=True)
         found = [path for path in paths if is_mesh(path) and not path.is_dir()]
@@ -238,7 +237,7 @@ class Window(QMainWindow):
         if odd:
             text = self.tr("{0}: neither a mesh ({1}) nor an image ({2})")
             self.errors.tell(
-                text.format(odd[0].name, " ".join(MESH_SUFFIXES), " ".join(IMAGE_SUFFIXES))
+                text.format(odd[0].name, " ".join(MESH_SUFFIXES), " ".join(SAMPLE_SUFFIXES))
             )
 
     # --- what the document says
@@ -338,7 +337,7 @@ class Window(QMainWindow):
 def _library() -> tuple[list[Path], list[Path], str]:
     """Shipped meshes and samples, or why there are none."""
     try:
-        return meshes(), samples(), ""
+        return meshes(), [*btf_samples(), *samples()], ""
     except (PatinaError, OSError) as error:
         return [], [], str(error)
 

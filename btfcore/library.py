@@ -9,7 +9,7 @@ from btfcore.errors import PatinaError
 
 
 def resource_folder() -> Path:
-    """Folder with `meshes`, `textures` and CREDITS.md, of a source tree or of an installation.
+    """Folder with `meshes`, `samples`, `textures` and CREDITS.md: a checkout's or an installed one.
 
     Raises `PatinaError` where an installation lacks it.
     """
@@ -29,8 +29,14 @@ def meshes() -> list[Path]:
 
 
 def samples() -> list[Path]:
-    """Shipped texture samples, sorted by name."""
+    """Shipped texture samples (pictures), sorted by name."""
     return _visible(resource_folder() / "textures")
+
+
+def btf_samples() -> list[Path]:
+    """Shipped BTF samples (packages), sorted by name; some have a feature mask."""
+    folder = resource_folder() / "samples"
+    return [path for path in _visible(folder) if path.suffix == ".btfz"] if folder.is_dir() else []
 
 
 def _visible(folder: Path) -> list[Path]:

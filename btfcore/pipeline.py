@@ -55,15 +55,20 @@ def load_mesh(path: str | Path, *, progress: Progress = silent) -> tuple[Mesh, I
 
 
 def load_sample(path: str | Path) -> Sample:
-    """Read a texture sample; raises `InvalidImage` or `GuardedFailure`."""
+    """Read a texture or BTF sample; raises `InvalidImage`, `InvalidBtf` or `GuardedFailure`."""
     return load_sample_notes(path)[0]
 
 
 def load_sample_notes(path: str | Path) -> tuple[Sample, tuple[str, ...]]:
-    """Read a texture sample, and say in sentences what was done to it."""
-    from btfcore.btf.image import read_image_notes
+    """Read a texture or BTF sample, and say in sentences what was done to it."""
+    from btfcore.btf.image import SUFFIXES, read_image_notes
 
-    return read_image_notes(Path(path))
+    path = Path(path)
+    if path.suffix.lower() in SUFFIXES or not path.exists():
+        return read_image_notes(path)
+    from btfcore.samples import load_quilting_sample
+
+    return load_quilting_sample(path)
 
 
 def load_both(

@@ -45,12 +45,14 @@ FLOORS = {
     "btfcore.texton": 3,
     "btfcore.render": 3,
     "btfcore.files": 4,
+    "btfcore.samples": 4,
     "btfcore.pipeline": 4,
     "btfcore.report": 4,
     "app": 5,  # the package's own docstring
     "app.console": 5,
     "app.benches": 5,
     "app.camera": 5,
+    "app.contact": 5,
     "app.document": 5,
     "app.commands": 5,
     "app.tasks": 5,
@@ -65,6 +67,7 @@ FLOORS = {
     "app.menus": 8,
     "app.demo": 8,
     "app.gui": 8,
+    "app.sample_cli": 9,
     "app.cli": 9,
     "app.__main__": 9,
 }
@@ -77,6 +80,8 @@ BESIDE = {
     ("btfcore.field", "btfcore.upright"),
     ("btfcore.upright", "btfcore.clusters"),
     ("btfcore.pipeline", "btfcore.files"),
+    ("btfcore.pipeline", "btfcore.samples"),
+    ("btfcore.samples", "btfcore.files"),
     ("btfcore.report", "btfcore.pipeline"),
     ("app.document", "app.tasks"),
     ("app.document", "app.commands"),
@@ -89,6 +94,7 @@ BESIDE = {
     ("app.gui", "app.window"),
     ("app.gui", "app.demo"),
     ("app.__main__", "app.cli"),
+    ("app.cli", "app.sample_cli"),
 }
 
 # Prefixes that are no rooms: a module `btfcore.new` needs a line of its own above.

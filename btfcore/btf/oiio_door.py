@@ -49,7 +49,9 @@ def raw_picture(
     display window, black around it. options as in `btfcore.btf.pillow_door.raw_picture`.
     Raises `InvalidImage`.
     """
-    oiio.attribute("imageinput:strict", 1)
+    oiio.attribute("imageinput:strict", 1)  # no other decoder may try its luck
+    oiio.attribute("threads", 1)
+    oiio.attribute("exr_threads", -1)  # threads would cost address space, which is limited
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
     source = oiio.ImageInput.open(str(path), config)

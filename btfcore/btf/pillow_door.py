@@ -119,7 +119,7 @@ def check_size(width: int, height: int, options: Options) -> None:
     if width < 1 or height < 1 or width * height > options["most"]:
         raise InvalidImage(
             f"{width:,} x {height:,} = {width * height:,} pixels; 1 to {options['most']:,}"
-            " can be read"
+            " can be read from a file of its kind and size"
         )
     wanted = options["size"]
     if wanted is not None and sorted((width, height)) != sorted(wanted):

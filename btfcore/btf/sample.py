@@ -37,7 +37,8 @@ class BtfFactors(Frozen):
     weights (H, W, K) f4: geometry maps times singular values, so that their Euclidean
     distance is the coded BTF's own; basis (J, 3, K) f4: eigen point-appearance functions,
     orthonormal over images × colours, image j being that of `BtfSample.index`; mean (J, 3) f4:
-    added to the sum; singular (K,) f8, descending; error: relative L2 error in coded values.
+    added to the sum; singular (K,) f8, descending; error: relative L2 error in coded values;
+    notes: sentences fit for a user, such as that a wanted error was not reached.
     """
 
     weights: F4
@@ -46,6 +47,7 @@ class BtfFactors(Frozen):
     singular: F8
     encoding: Encoding
     error: float = float("nan")
+    notes: tuple[str, ...] = field(default=())
 
     @property
     def rank(self) -> int:

@@ -16,6 +16,9 @@ from PyQt6.QtWidgets import QApplication  # noqa: E402
 
 from app.document import Mode  # noqa: E402
 from app.window import Window  # noqa: E402
+from btfcore.btf.stack import ArrayStack  # noqa: E402
+from btfcore.files.package.write import write_package  # noqa: E402
+from tests.btf.bricks import factors, images, sample  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 LONG = 120_000  # generous: a first run compiles
@@ -25,6 +28,7 @@ LONG = 120_000  # generous: a first run compiles
 def window(qtbot, tmp_path, monkeypatch):
     """An empty window without the shipped samples."""
     monkeypatch.setattr("app.window.samples", list)
+    monkeypatch.setattr("app.window.btf_samples", list)
     settings = QSettings(str(tmp_path / "settings.ini"), QSettings.Format.IniFormat)
     window = Window(settings=settings, scripted=True)
     window.resize(1280, 800)
@@ -60,6 +64,26 @@ def test_an_empty_window_says_what_to_do(window):
     assert window.stack.currentWidget() is window.welcome
     assert not window.run.start.isEnabled()
     assert "mesh" in window.run.label.text() and "sample" in window.run.label.text()
+
+
+def test_a_package_is_shown_and_synthesised(qtbot, window, files):
+    bricks = sample(factors=factors(height=40, width=40), stack=ArrayStack(images(5, 12, 40, 40)))
+    package = write_package(files / "random_material.btfz", bricks)
+    window.document.set_knobs(rate=64)
+    window.take([files / "ring.obj", package])
+    idle(qtbot, window)
+    (entry,) = window.document.samples
+    assert entry.thumbnail is not None and entry.thumbnail.shape == (40, 40, 3)
+    window.synthesize()
+    idle(qtbot, window)
+    done = window.document.decoration
+    assert (done.quilt.patch >= 0).all()
+    assert done.sample.channels.shape == (40, 40, 4), "the factors are what is compared"
+    broken = files / "broken.btfz"
+    broken.write_bytes(package.read_bytes()[:900])
+    window.take([broken])
+    idle(qtbot, window)
+    assert "broken.btfz" in window.document.samples[-1].error
 
 
 def test_a_dropped_mesh_and_image_can_be_synthesised_and_seen(qtbot, window, files):

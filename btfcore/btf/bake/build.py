@@ -56,9 +56,9 @@ def baked(
     incidence; 0 makes them purely Lambertian. threads : at most; None for one per core.
 
     The occlusion map is used only where there is no relief to trace, and then darkens all
-    light. Steps of 8-bit heights are taken out (`depth.dequantized`); where height and normals
-    contradict each other, white is taken for deep or green for down if that mends it, and a
-    note says so. Cosines of grazing views and lights are floored at 0.05 when tracing.
+    light. Steps of 8-bit heights are taken out (`depth.dequantized`). Height and normals are used
+    as they are; where they contradict each other a note says so. Cosines of grazing views and
+    lights are floored at 0.05 when tracing.
 
     Raises `InvalidParameter` for knobs out of range (see `relief.relief`), and `InvalidBtf` for
     directions that are not unit vectors above the horizon, or are repeated.

@@ -11,6 +11,7 @@ from scipy.ndimage import gaussian_filter
 from btfcore.btf.bake.slopes import slopes_of_height, slopes_of_normals
 from btfcore.types import F4
 
+AGREES = 0.3  # correlation of slopes from which on two maps are taken to show one relief
 LEVEL = 1 / 255  # step between the values of an 8-bit map
 _FEWEST = 16  # distinct levels below which a map is meant to have steps
 _WIDTHS = (0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0)  # texels, of the smoothing Gaussians
@@ -28,6 +29,19 @@ class DepthFit:
 
     depth: float
     correlation: tuple[float, float]
+
+    @property
+    def match(self) -> float:
+        """The better correlation, whatever its sign."""
+        return max(abs(self.correlation[0]), abs(self.correlation[1]))
+
+    @property
+    def note(self) -> str:
+        """What was done, for a user."""
+        return (
+            f"depth {self.depth:.2f} texels, fitted to the normal map"
+            f" (correlation {self.match:.2f})"
+        )
 
 
 def dequantized(height: F4, *, tiles: bool) -> F4:
@@ -62,8 +76,8 @@ def fitted_depth(height: F4, normal: F4, *, tiles: bool) -> DepthFit:
     """Depth at which a height map's slopes fit a normal map's best, by least squares.
 
     height (H, W) in 0–1, normal (H, W, 3). Both kinds of slope are blurred alike before, since
-    single texels say more about how the maps were stored than about the relief. Each axis
-    counts with the sign of its own correlation, see `DepthFit`; where one of the maps is flat
+    single texels say more about how the maps were stored than about the relief. Signs do not
+    count for the depth, so maps that are upside down tell it too; where one of the maps is flat
     depth and correlation are 0.
     """
     mode: Literal["wrap", "reflect"] = "wrap" if tiles else "reflect"

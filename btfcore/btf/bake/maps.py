@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from btfcore.btf.bake.depth import dequantized
+from btfcore.btf.bake.depth import AGREES, dequantized, fitted_depth
 from btfcore.btf.bake.slopes import normals_of_slopes, slopes_of_normals
 from btfcore.btf.pbr import PbrSet
 from btfcore.errors import InvalidParameter
@@ -25,7 +25,8 @@ def resized(pbr: PbrSet, size: int, *, roughen: bool = True) -> PbrSet:
     8-bit heights lose their steps before (`depth.dequantized`). Normals are averaged as
     slopes, so that they still are those of the averaged heights. roughen : the spread of the
     slopes within a texel is added to GGX's alpha² (for a set with a roughness map), so that a
-    surface looks as rough from far as it is. Depth and texel size follow.
+    surface looks as rough from far as it is. Depth and texel size follow; a depth that only the
+    normals tell is fitted before, since small maps tell it less well, and then noted.
 
     Raises `InvalidParameter` for a size outside 1–16384.
     """
@@ -62,10 +63,18 @@ def resized(pbr: PbrSet, size: int, *, roughen: bool = True) -> PbrSet:
             spread = np.maximum(scaled(slopes**2) - mean**2, 0).sum(axis=2)
             alpha = np.sqrt(new["roughness"].astype(np.float64) ** 4 + spread)
             new["roughness"] = np.sqrt(np.minimum(alpha, 1)).astype(np.float32)
+    depth, notes = pbr.depth, pbr.notes
+    if depth is None and pbr.height is not None and pbr.normal is not None:
+        even = dequantized(pbr.height, tiles=pbr.tiles)
+        fit = fitted_depth(even, pbr.normal, tiles=pbr.tiles)
+        if fit.match >= AGREES and fit.depth <= max(pbr.shape):
+            depth = fit.depth
+            notes = (*notes, f"at {columns} x {rows} texels: {fit.note}")
     return replace(
         pbr,
         **new,
-        depth=None if pbr.depth is None else pbr.depth * ratio,
+        notes=notes,
+        depth=None if depth is None else depth * ratio,
         texel_size=None if pbr.texel_size is None else pbr.texel_size / ratio,
     )
 

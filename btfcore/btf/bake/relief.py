@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
-from btfcore.btf.bake.depth import DepthFit, dequantized, fitted_depth
+from btfcore.btf.bake.depth import AGREES, DepthFit, dequantized, fitted_depth
 from btfcore.btf.bake.slopes import (
     integrated,
     normals_of_slopes,
@@ -23,7 +23,6 @@ Plane = Literal["mean", "top"]
 FRACTION = 1 / 50  # of the longer edge: depth of a height map that nothing tells the depth of
 DEEPEST = 10  # times the longer edge; more is a mistake and would be traced for hours
 SHARPEST = 0.01  # GGX alpha: a lobe as narrow as a lamp is wide, and safe in single precision
-_AGREES = 0.3  # correlation of slopes from which on two maps are taken to show one relief
 
 # Channels of `Relief.maps`.
 NORMAL, DIFFUSE, MIRROR = 0, 3, 6  # three each
@@ -79,14 +78,15 @@ def relief(
     if plane not in ("mean", "top"):
         raise InvalidParameter(f"{pbr.name}: the plane {plane!r}, where mean and top can be")
     notes: list[str] = []
-    pbr = _agreeing(pbr, notes)
     slopes = None if pbr.normal is None else slopes_of_normals(pbr.normal)
     deep = 0.0
     height = np.zeros(pbr.shape)
     if pbr.height is not None:
         even = dequantized(pbr.height, tiles=pbr.tiles)
-        deep = _depth(pbr, depth, even, notes)
-        if np.ptp(even) == 0:
+        level = np.ptp(even) == 0
+        deep = _depth(pbr, depth, even, [] if level else notes)
+        notes += _contradictions(pbr, even)
+        if level:
             notes.append("the height map is the same everywhere: the relief is flat")
         height = even.astype(np.float64) * deep
     elif slopes is not None and integrate:
@@ -119,21 +119,6 @@ def ceiling(height: F4) -> F4:
     return np.maximum(beside, np.roll(beside, -1, axis=0))
 
 
-def _agreeing(pbr: PbrSet, notes: list[str]) -> PbrSet:
-    """Return the set with height and normals that describe one relief, where they can."""
-    if pbr.height is None or pbr.normal is None:
-        return pbr
-    height, normal = pbr.height, pbr.normal
-    along, up = fitted_depth(height, normal, tiles=pbr.tiles).correlation
-    if along <= -_AGREES:
-        notes.append("white is deep in the height map, as the normal map tells; it was inverted")
-        height, up = 1 - height, -up
-    if up <= -_AGREES:
-        notes.append("green points down in the normal map, as the height map tells; it was turned")
-        normal = normal * np.array([1, -1, 1], np.float32)
-    return replace(pbr, height=height, normal=normal)
-
-
 def _depth(pbr: PbrSet, wanted: Literal["auto"] | float, even: F4, notes: list[str]) -> float:
     longest = max(pbr.shape)
     value = pbr.depth if wanted == "auto" else wanted
@@ -146,17 +131,26 @@ def _depth(pbr: PbrSet, wanted: Literal["auto"] | float, even: F4, notes: list[s
     fit = DepthFit(0.0, (0.0, 0.0))
     if pbr.normal is not None:
         fit = fitted_depth(even, pbr.normal, tiles=pbr.tiles)
-    if max(fit.correlation) >= _AGREES:
-        deep = min(fit.depth, float(longest))
-        notes.append(
-            f"depth {deep:.2f} texels, fitted to the normal map"
-            f" (correlation {max(fit.correlation):.2f})"
-        )
-        return deep
+    if fit.match >= AGREES and fit.depth <= longest:
+        notes.append(fit.note)
+        return fit.depth
     deep = longest * FRACTION
     why = "nothing tells it" if pbr.normal is None else "the normal map does not match"
     notes.append(f"depth {deep:.2f} texels, 1/{round(1 / FRACTION)} of the longer edge: {why}")
     return deep
+
+
+def _contradictions(pbr: PbrSet, even: F4) -> list[str]:
+    """Notes about height and normals that describe different reliefs; both are used as they are."""
+    if pbr.normal is None:
+        return []
+    along, up = fitted_depth(even, pbr.normal, tiles=pbr.tiles).correlation
+    notes = []
+    if along <= -AGREES:
+        notes.append("the height map seems to be white in the pits: the normal map contradicts it")
+    if up * (-1 if along <= -AGREES else 1) <= -AGREES:
+        notes.append("the normal map's green seems to point down: the height map contradicts it")
+    return notes
 
 
 def _maps(pbr: PbrSet, normal: F8, roughness: float, reflectance: float) -> F4:

@@ -44,16 +44,25 @@ def integrated(slopes: F8, *, tiles: bool) -> F8:
     """Height (H, W) f8 in texels, with mean 0, whose slopes come nearest to those given.
 
     Least squares in the frequency domain (Frankot and Chellappa 1988), for slopes as central
-    differences see them; what they cannot see (a checkerboard) stays flat, and so does an
-    overall tilt. Fields that do not tile are continued by their mirror images.
+    differences see them; where those hardly see anything, towards waves of two texels, their
+    response is taken to rise on instead of falling, so that noise does not become stripes. An
+    overall tilt is dropped. Fields that do not tile are continued by their mirror images.
     """
     rows, columns = slopes.shape[:2]
     if not tiles:
         slopes = mirrored(slopes)
-    along = np.sin(2 * np.pi * fft.fftfreq(slopes.shape[1]))[None, :]
-    up = -np.sin(2 * np.pi * fft.fftfreq(slopes.shape[0]))[:, None]
-    square = along**2 + up**2
-    blind = square < 1e-12
-    spectrum = -1j * (along * fft.fft2(slopes[..., 0]) + up * fft.fft2(slopes[..., 1]))
-    spectrum = np.where(blind, 0, spectrum / np.where(blind, 1, square))
-    return fft.ifft2(spectrum).real[:rows, :columns]
+    along, up = (_response(count) for count in (slopes.shape[1], slopes.shape[0]))
+    square = along[None] ** 2 + up[:, None] ** 2
+    square[0, 0] = 1
+    for response in (along, up):
+        if len(response) % 2 == 0:
+            response[len(response) // 2] = 0  # the sign of the shortest wave is unknown
+    spectrum = along[None] * fft.fft2(slopes[..., 0]) - up[:, None] * fft.fft2(slopes[..., 1])
+    return fft.ifft2(-1j * spectrum / square).real[:rows, :columns]
+
+
+def _response(count: int) -> F8:
+    """Slope that a wave of height 1 has, for the frequencies of a transform of `count` values."""
+    wave = 2 * np.pi * fft.fftfreq(count)
+    rising = np.sign(wave) * (1 + np.abs(wave) - np.pi / 2)
+    return np.where(np.abs(wave) <= np.pi / 2, np.sin(wave), rising)

@@ -36,7 +36,9 @@ def strips(count: int, *, pieces: int, unit: int = 1) -> list[tuple[int, int]]:
     return [(start, min(start + step, count)) for start in range(0, count, step)]
 
 
-def share(pool: ThreadPoolExecutor, work: Callable[[int, int], None], count: int, unit: int) -> None:
+def share(
+    pool: ThreadPoolExecutor, work: Callable[[int, int], None], count: int, unit: int
+) -> None:
     """Do `work(start, stop)` on strips of 0 … count on several threads; raises what it raised."""
     for _ in pool.map(lambda strip: work(*strip), strips(count, pieces=16, unit=unit)):
         pass
@@ -116,9 +118,7 @@ class CodedBlocks:
             images = images.reshape(stop - start, height * width, 3)
 
             def one(j: int, images: F4 = images, start: int = start) -> None:
-                energy[j] = fill(
-                    images[j - start], tiles, 3 * j, *self._knobs, self._centre, mean
-                )
+                energy[j] = fill(images[j - start], tiles, 3 * j, *self._knobs, self._centre, mean)
 
             for _ in self._pool.map(one, range(start, stop)):
                 pass
@@ -147,7 +147,7 @@ class Spool:
 
     def write(self, tiles: F4) -> bool:
         """Append a block; False from the first one on for which there is no room."""
-        rest = memoryview(tiles).cast("B")
+        rest = memoryview(tiles).cast("B")  # type: ignore[arg-type]
         self._step = self._step or tiles.nbytes
         try:
             while len(rest) and not self._full:
@@ -161,7 +161,7 @@ class Spool:
     def read(self, number: int, tiles: F4) -> None:
         """Fill `tiles` with block `number`, which was written."""
         self._file.seek(number * self._step)
-        rest = memoryview(tiles).cast("B")
+        rest = memoryview(tiles).cast("B")  # type: ignore[arg-type]
         while len(rest):
             rest = rest[self._file.readinto(rest) :]
 

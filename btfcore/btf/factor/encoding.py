@@ -46,7 +46,8 @@ def encode(radiance: NDArray[Any], encoding: Encoding) -> F4:
     the shares (R + ε) / (Y + ε) and (B + ε) / (Y + ε) of red and blue, Y being the luminance.
     """
     rows = _rows(radiance)
-    code_rows(*rows, *knobs(checked(encoding)))
+    kind, epsilon, bend = knobs(checked(encoding))
+    code_rows(rows[0], rows[1], rows[2], kind, epsilon, bend)
     return _pixels(rows, radiance.shape)
 
 
@@ -57,7 +58,8 @@ def decode(coded: NDArray[Any], encoding: Encoding) -> F4:
     pixel's greatest colour + ε ("logluma"), times 1 + log(x / k) above a knee k.
     """
     rows = _rows(coded)
-    decode_rows(*rows, *knobs(checked(encoding)))
+    kind, epsilon, bend = knobs(checked(encoding))
+    decode_rows(rows[0], rows[1], rows[2], kind, epsilon, bend)
     return _pixels(rows, coded.shape)
 
 

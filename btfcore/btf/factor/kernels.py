@@ -26,35 +26,34 @@ def fill(image, tiles, row, kind, epsilon, knee, centre, mean):  # type: ignore[
     Returns the sums of squares of the coded values, before and after.
     """
     texels = len(image)
-    total, squares, rest = np.zeros(3), 0.0, 0.0
+    # lane by lane, so that the sums vectorise without being reordered
+    total, squares, rest = np.zeros((3, LANES)), np.zeros(LANES), np.zeros(LANES)
     for t in range(len(tiles)):
-        count = min(LANES, texels - t * LANES)
+        first = t * LANES
+        count = min(LANES, texels - first)
+        red, green, blue = tiles[t, row], tiles[t, row + 1], tiles[t, row + 2]
+        for x in range(count):
+            red[x], green[x] = image[first + x, 0], image[first + x, 1]
+            blue[x] = image[first + x, 2]
+        code_rows(red[:count], green[:count], blue[:count], kind, epsilon, knee)
         for c in range(3):
-            line = tiles[t, row + c]
+            line, goal = tiles[t, row + c, :count], total[c]
             for x in range(count):
-                line[x] = image[t * LANES + x, c]
-        red = tiles[t, row, :count]
-        green = tiles[t, row + 1, :count]
-        blue = tiles[t, row + 2, :count]
-        code_rows(red, green, blue, kind, epsilon, knee)
-        for c in range(3):
-            for x in range(count):
-                value = np.float64(tiles[t, row + c, x])
-                total[c] += value
-                squares += value * value
+                value = np.float64(line[x])
+                goal[x] += value
+                squares[x] += value * value
     for c in range(3):
-        mean[row + c] = total[c] / texels if centre else 0.0
+        mean[row + c] = total[c].sum() / texels if centre else 0.0
     for t in range(len(tiles)):
         count = min(LANES, texels - t * LANES)
         for c in range(3):
-            line, middle = tiles[t, row + c], mean[row + c]
-            part = 0.0
+            line, middle = tiles[t, row + c, :count], mean[row + c]
             for x in range(count):
-                line[x] -= middle
-                part += np.float64(line[x]) * np.float64(line[x])
-            rest += part
-            line[count:] = 0
-    return squares, rest
+                value = line[x] - middle
+                line[x] = value
+                rest[x] += np.float64(value) * np.float64(value)
+            tiles[t, row + c, count:] = 0
+    return squares.sum(), rest.sum()
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -118,17 +117,19 @@ def up(tiles, wide, start, stop, out):  # type: ignore[no-untyped-def]
     rows, width = wide.shape
     part = np.empty((LANES, width), np.float32)
     for t in range(start, stop):
+        tile = tiles[t]
         for first in range(0, rows, RUN):
             part[:] = 0
-            for k in range(first, min(first + RUN, rows), 4):
-                d0, d1, d2, d3 = tiles[t, k], tiles[t, k + 1], tiles[t, k + 2], tiles[t, k + 3]
-                q0, q1, q2, q3 = wide[k], wide[k + 1], wide[k + 2], wide[k + 3]
-                for x in range(0, LANES, 4):
-                    a00, a01, a02, a03 = d0[x], d1[x], d2[x], d3[x]
-                    a10, a11, a12, a13 = d0[x + 1], d1[x + 1], d2[x + 1], d3[x + 1]
-                    a20, a21, a22, a23 = d0[x + 2], d1[x + 2], d2[x + 2], d3[x + 2]
-                    a30, a31, a32, a33 = d0[x + 3], d1[x + 3], d2[x + 3], d3[x + 3]
-                    p0, p1, p2, p3 = part[x], part[x + 1], part[x + 2], part[x + 3]
+            last = min(first + RUN, rows)
+            for x in range(0, LANES, 4):
+                p0, p1, p2, p3 = part[x], part[x + 1], part[x + 2], part[x + 3]
+                for k in range(first, last, 4):
+                    d = tile[k : k + 4]
+                    a00, a01, a02, a03 = d[0, x], d[1, x], d[2, x], d[3, x]
+                    a10, a11, a12, a13 = d[0, x + 1], d[1, x + 1], d[2, x + 1], d[3, x + 1]
+                    a20, a21, a22, a23 = d[0, x + 2], d[1, x + 2], d[2, x + 2], d[3, x + 2]
+                    a30, a31, a32, a33 = d[0, x + 3], d[1, x + 3], d[2, x + 3], d[3, x + 3]
+                    q0, q1, q2, q3 = wide[k], wide[k + 1], wide[k + 2], wide[k + 3]
                     for j in range(width):
                         b0, b1, b2, b3 = q0[j], q1[j], q2[j], q3[j]
                         p0[j] += a00 * b0 + a01 * b1 + a02 * b2 + a03 * b3

@@ -21,7 +21,7 @@ from btfcore.btf.factor.encoding import DEFAULT, checked, encode
 from btfcore.btf.factor.kernels import LANES, down, sketch, up
 from btfcore.btf.factor.knee import choose_knee
 from btfcore.btf.factor.plan import plan
-from btfcore.btf.factor.symmetric import add_gram, turned, whitening
+from btfcore.btf.factor.symmetric import add_gram, product, turned, whitening
 from btfcore.btf.sample import BtfFactors, BtfSample, Encoding
 from btfcore.errors import InvalidParameter
 from btfcore.progress import Progress, between, silent
@@ -258,13 +258,13 @@ class _Passes:
         # of orthonormal left vectors times singular values: V F = V (W F / s) s
         turn = vectors[:, :count] * singular
         left = np.empty((len(self._tall), count), np.float32)
-        turned(self._tall, matrix @ turn, left)
+        turned(self._tall, product(matrix, turn), left)
         left = left[: self._size[1]]
         if self._right is None:
             right = turn.astype(np.float32)
         else:
             right = np.empty((len(self._right), count), np.float32)
-            turned(self._right, matrix @ turn, right)
+            turned(self._right, product(matrix, turn), right)
         peak = np.argmax(np.abs(left), axis=0)
         sign = np.where(left[peak, np.arange(count)] < 0, -1, 1).astype(np.float32)
         return left * sign, right * sign, singular
@@ -273,8 +273,8 @@ class _Passes:
         """Q: orthonormal columns that span those of `_tall` times `matrix`."""
         gram = np.zeros((self._tall.shape[1],) * 2)
         add_gram(self._tall, gram)
-        gram = matrix.T @ gram @ matrix
-        matrix = matrix @ whitening(gram, least=_LEAST)[1]
+        gram = product(matrix.T, product(gram, matrix))
+        matrix = product(matrix, whitening(gram, least=_LEAST)[1])
         self._range = np.empty((len(self._tall), matrix.shape[1]), np.float32)
         turned(self._tall, matrix, self._range)
 

@@ -40,6 +40,13 @@ def turned(tall, matrix, out):  # type: ignore[no-untyped-def]
             out[i, j] = line[j]
 
 
+def product(one: F8, two: F8) -> F8:
+    """Matrix product (n, k) of small f8 matrices (n, l) and (l, k)."""
+    out = np.empty((len(one), two.shape[1]))
+    turned(np.ascontiguousarray(one), np.ascontiguousarray(two), out)
+    return out
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _jacobi(a, vectors):  # type: ignore[no-untyped-def]
     # cyclic two-sided rotations; `vectors` holds the eigenvectors as rows

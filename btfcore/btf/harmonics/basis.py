@@ -5,11 +5,13 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from btfcore.errors import InvalidParameter
 from btfcore.types import F8
 
 LARGEST_ORDER = 6
+_UNIT = 1e-4
 KINDS = ("spherical", "hemispherical")
 
 
@@ -29,6 +31,21 @@ def check_basis(order: int, kind: str) -> None:
         raise InvalidParameter(f"harmonics of kind {kind!r}; there are {' and '.join(KINDS)} ones")
     if not 0 <= order <= LARGEST_ORDER or order != int(order):
         raise InvalidParameter(f"harmonics of order {order}, where 0 … {LARGEST_ORDER} are allowed")
+
+
+def unit_directions(name: str, lights: ArrayLike) -> F8:
+    """Return `lights` as (n, 3) f8; raises `InvalidParameter` unless all are unit vectors."""
+    directions = np.atleast_2d(np.asarray(lights, np.float64))
+    if directions.ndim != 2 or directions.shape[1] != 3 or len(directions) == 0:
+        raise InvalidParameter(f"{name}: lights of shape {directions.shape}, not (n, 3)")
+    length = np.linalg.norm(directions, axis=1)
+    wrong = ~(np.abs(length - 1) < _UNIT)
+    if wrong.any():
+        first = int(np.flatnonzero(wrong)[0])
+        raise InvalidParameter(
+            f"{name}: light {first} is no unit vector, its length is {length[first]:.6g}"
+        )
+    return directions
 
 
 def evaluate(directions: F8, order: int, kind: str = "spherical") -> F8:

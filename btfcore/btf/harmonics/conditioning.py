@@ -6,7 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from btfcore.btf.harmonics.basis import KINDS, LARGEST_ORDER, degrees, evaluate, functions
+from btfcore.btf.harmonics.basis import (
+    KINDS,
+    LARGEST_ORDER,
+    degrees,
+    evaluate,
+    functions,
+    unit_directions,
+)
 from btfcore.btf.harmonics.linear import svd
 from btfcore.errors import InvalidParameter
 from btfcore.types import F8
@@ -91,9 +98,11 @@ def check_order(
     An order must stay below half the azimuths of the light rings, and the condition number of
     the matrix of function values below `limit` (design: 1e4). singular : "refuse" raises
     `InvalidParameter` with the numbers and what would do; "regularise" lets it pass.
+    Lights that are no unit vectors are refused too, and unknown kinds, orders and limits.
     """
     if singular not in ("refuse", "regularise"):
         raise InvalidParameter(f"singular={singular!r}; there are 'refuse' and 'regularise'")
+    lights = unit_directions(name, lights)
     found = conditioning(lights, order, kind, limit=limit)
     if found.sound or singular == "regularise":
         return found

@@ -6,13 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from btfcore.btf.directions import HORIZON
-from btfcore.btf.harmonics.basis import evaluate
+from btfcore.btf.harmonics.basis import evaluate, unit_directions
 from btfcore.btf.harmonics.kernels import shade
 from btfcore.btf.harmonics.values import HarmonicFactors
 from btfcore.errors import InvalidParameter
 from btfcore.types import F4, F8, I4
-
-_UNIT = 1e-4
 
 
 def harmonic_radiance(factors: HarmonicFactors, view: int, lights: ArrayLike) -> F4:
@@ -54,7 +52,7 @@ def blended_radiance(
 
     Raises `InvalidParameter` as `blended_weights` and `harmonic_radiance` do.
     """
-    directions = _directions(factors.name, lights)
+    directions = unit_directions(factors.name, lights)
     weights = blended_weights(factors, views, shares)
     return _images(factors, weights, directions)
 
@@ -73,7 +71,7 @@ class HarmonicStack:
         Raises `InvalidParameter` for lights that are no unit vectors or pairs out of range.
         """
         self._factors = factors
-        self._lights = _directions(factors.name, lights)
+        self._lights = unit_directions(factors.name, lights)
         count = (len(factors.weights), len(self._lights))
         self._pairs = np.indices(count).reshape(2, -1).T if pairs is None else np.asarray(pairs)
         if ((self._pairs < 0) | (self._pairs >= count)).any():
@@ -112,17 +110,3 @@ def _images(factors: HarmonicFactors, weights: F4, lights: F8) -> F4:
     for number in range(len(lights)):
         shade(flat, colours[number], means[number], out[number])
     return out.reshape(len(lights), *factors.shape, 3)
-
-
-def _directions(name: str, lights: ArrayLike) -> F8:
-    directions = np.atleast_2d(np.asarray(lights, np.float64))
-    if directions.ndim != 2 or directions.shape[1] != 3 or len(directions) == 0:
-        raise InvalidParameter(f"{name}: lights of shape {directions.shape}, not (n, 3)")
-    length = np.linalg.norm(directions, axis=1)
-    wrong = ~(np.abs(length - 1) < _UNIT)
-    if wrong.any():
-        first = int(np.flatnonzero(wrong)[0])
-        raise InvalidParameter(
-            f"{name}: light {first} is no unit vector, its length is {length[first]:.6g}"
-        )
-    return directions

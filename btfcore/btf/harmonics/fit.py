@@ -64,6 +64,9 @@ def fit_harmonics(
     whole view does not fit, and weights over half of it go to an unnamed temporary file.
     threads : None for all cores; the result has the same bits for any number.
 
+    The paper taken literally is quadrature="cubemap", metric="coefficients", centred=False and
+    some number of `samples`.
+
     Raises `InvalidParameter` for knobs out of range and for an order that the lights do not
     determine, `InvalidBtf` where a view has no image; `progress` may raise `Cancelled`.
     """
@@ -152,8 +155,7 @@ def _project(
 ) -> None:
     """Fill the store, and measure what they stand for against the images."""
     for band in sweep.bands(pool, progress, "projecting on components"):
-        vectors = by_vector(band.coefficients)
-        vectors -= axes.mean[:, None]
+        vectors = by_vector(band.coefficients) - axes.mean[:, None]
         found = product(axes.encode, vectors, pool=pool) / scale
         stored = store.put(band.view, band.rows, found)
         if sums is not None:

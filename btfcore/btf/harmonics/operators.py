@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from btfcore.btf.harmonics.basis import evaluate, functions
+from btfcore.btf.harmonics.basis import evaluate, functions, unit_directions
 from btfcore.btf.harmonics.conditioning import LIMIT, check_order, explain
 from btfcore.btf.harmonics.cubemap import light_angles, quadrature
 from btfcore.btf.harmonics.linear import product, svd
@@ -138,11 +138,15 @@ def coefficients(
 ) -> F8:
     """Coefficients (M, …) of radiance (L, …) under unit `lights` (L, 3): one fit, no PCA.
 
-    Raises `InvalidParameter` where the shapes differ or the combination is refused.
+    Raises `InvalidParameter` where the shapes differ, values are not finite, lights are no
+    unit vectors or the combination is refused.
     """
-    values = np.asarray(radiance)
+    values, lights = np.asarray(radiance), unit_directions(name, lights)
     if len(values) != len(lights):
         raise InvalidParameter(f"{name}: {len(values)} values for {len(lights)} lights")
+    bad = int((~np.isfinite(values)).sum())
+    if bad:
+        raise InvalidParameter(f"{name}: {bad} of {values.size} values are not finite")
     (solve, _), _ = _operator(lights, parameters, name)
     flat = np.ascontiguousarray(values.reshape(len(lights), -1), np.float64)
     return product(solve, flat).reshape(functions(parameters.order), *values.shape[1:])

@@ -78,7 +78,7 @@ def principal_axes(
         spread = (spread + spread.T) / 2
     _, variances, axes = svd(spread)
     spanned = int((variances > variances[0] * _NOISE).sum())
-    number = max(1, min(rank, spanned))
+    number = max(1, min(rank, spanned, moments.count - centred))
     chosen = np.ascontiguousarray(axes[:, :number])
     return Axes(
         mean=moments.mean.copy() if centred else np.zeros(size),

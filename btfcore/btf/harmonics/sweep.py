@@ -43,7 +43,7 @@ class Band:
 
 
 def by_vector(columns: F8) -> F8:
-    """Coefficient vectors (3M, n), entry 3m + c, as columns, from (M, 3n)."""
+    """Coefficient vectors (3M, n), entry 3m + c, as columns, from (M, 3n); maybe a view."""
     count = len(columns)
     return columns.reshape(count, -1, 3).transpose(0, 2, 1).reshape(3 * count, -1)
 

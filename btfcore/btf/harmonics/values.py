@@ -42,8 +42,8 @@ class HarmonicFactors(Frozen):
     Furukawa §2 eq. 1, in which there is no mean: it is 0 where the fit was not centred.
     weights (V, H, W, K) f4 or f2, maybe a mapped file: W_k; components (K, M, 3) f8: b_kmc;
     mean (M, 3) f8. views (V, 3) f8: unit view directions; order, kind: of the functions Y_m
-    (`basis.evaluate`), M = (order + 1)². variances (min(3M, …),) f8: of the vectors along all
-    principal axes, descending, those that were dropped included. errors : None where they
+    (`basis.evaluate`), M = (order + 1)². variances (R,) f8, R ≤ 3M: of the vectors along
+    all principal axes, descending, those that were dropped included. errors : None where they
     were not measured. notes : sentences fit for a user.
     Raises `InvalidBtf` where the shapes contradict each other.
     """

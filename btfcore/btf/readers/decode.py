@@ -23,6 +23,8 @@ from btfcore.progress import Progress, silent
 IMAGES = (".png", ".jpg", ".jpeg", ".exr", ".hdr", ".tif", ".tiff", ".bmp", ".webp", ".tga")
 LARGEST_FILE = 1 << 30
 MOST_PIXELS = 1 << 26
+FREE_PIXELS = 1 << 22
+_PIXELS_PER_BYTE = 100  # photographs need a byte for 20 pixels; only bombs promise more than 100
 _WORTH_TWO = 24  # images from which on a second child pays for its start
 
 
@@ -46,6 +48,7 @@ def decode_images(
     *,
     size: tuple[int, int] | None = None,
     most: int = MOST_PIXELS,
+    free: int = FREE_PIXELS,
     icc: bool = True,
     reduce: Sequence[tuple[int, bool]] | None = None,
     limit_mb: int = 4096,
@@ -53,15 +56,17 @@ def decode_images(
 ) -> list[Raw]:
     """Decode `entries` of `files`, in their order.
 
-    size : (H, W) that every image must have. most : pixels of one image. icc : bring 8-bit
-    colours to sRGB by their profiles. reduce : per image (side, coded): average it down by
-    area until no side is longer, and return f4, in 0–1 where integers are stored; those that
-    are sRGB-`coded` are linearised before.
+    size : (H, W) that every image must have. most : pixels of one image; beyond `free` only
+    100 for each byte of its file. icc : bring 8-bit colours to sRGB by their profiles.
+    reduce : per image (side, coded): average it down by area until no side is longer, and
+    return f4, in 0–1 where integers are stored; those that are sRGB-`coded` are linearised
+    before.
     Raises `InvalidImage` or `InvalidBtf`, beginning with the name of the first file that is
     broken or too large or of another size; `GuardedFailure`, with its name, for the one that
     brings the child down.
     """
-    settings = {"most": most, "icc": icc, "size": None if size is None else [size[1], size[0]]}
+    wanted = None if size is None else [size[1], size[0]]
+    settings = {"most": most, "free": free, "icc": icc, "size": wanted}
     jobs = [
         {**asdict(entry), "reduce": None if reduce is None else list(reduce[number])}
         for number, entry in enumerate(entries)
@@ -116,8 +121,9 @@ def _run(
 def decode(arrays: Arrays, options: Options) -> tuple[Arrays, Options]:
     """Guarded task: decode options["jobs"] (the fields of `Entry`, and "reduce").
 
-    Further options: "place" of the folder or archive, an empty folder "scratch", and those of
-    `btfcore.btf.pillow_door.raw_picture`. Returns arrays "0", "1", … and options["images"].
+    Further options: "place" of the folder or archive, an empty folder "scratch", "free" pixels,
+    and those of `btfcore.btf.pillow_door.raw_picture`. Returns arrays "0", "1", … and
+    options["images"].
     """
     out: Arrays = {}
     images = []
@@ -156,6 +162,8 @@ def _decoded(
     from btfcore.btf import pillow_door
 
     data = read_bytes(place, entry, most=LARGEST_FILE)
+    most = min(options["most"], max(options["free"], _PIXELS_PER_BYTE * len(data)))
+    options = {**options, "most": most}
     kind = _deep_kind(data[:32])
     if kind is None:
         return pillow_door.raw_picture(data, options, notes), ""

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from btfcore.btf.pbr import PbrSet
-from btfcore.btf.readers.decode import IMAGES, decode_images
+from btfcore.btf.readers.decode import IMAGES, MOST_PIXELS, decode_images
 from btfcore.btf.readers.listing import FileSet, list_files
 from btfcore.btf.readers.pbr_names import Named, grouped
 from btfcore.btf.readers.pbr_relief import settled
@@ -17,7 +17,7 @@ from btfcore.progress import Progress, silent
 from btfcore.types import F4
 
 SIDE = 512
-_MOST_PIXELS = 1 << 28  # 16k maps
+_LARGEST = 1 << 28  # 16k maps
 _ASPECT = 0.02  # by how much proportions may differ
 _BORDER = 2.0
 _SMALL = 16  # texels a side up to which a map counts as one value, whatever its proportions
@@ -135,7 +135,8 @@ def _decoded(
     raws = decode_images(
         files,
         entries,
-        most=_MOST_PIXELS,
+        most=_LARGEST,
+        free=MOST_PIXELS,  # maps of one value pack well
         icc=False,
         reduce=[(side, role == "albedo") for role in roles],
         limit_mb=8192,

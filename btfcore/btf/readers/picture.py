@@ -37,7 +37,7 @@ def read_picture(
     files = pick_files(given.absolute().parent, [given.name])
     if not files.entries:
         raise InvalidImage(f"{given.name}: there is no such file")
-    raw = decode_images(files, files.entries, most=most, progress=progress)[0]
+    raw = decode_images(files, files.entries, most=most, free=1 << 24, progress=progress)[0]
     notes = [*raw.notes, coding_note(raw, colour)]
     if any(raw.flaws):
         nan, infinite, negative = raw.flaws

@@ -62,6 +62,7 @@ class Scene:
         points, hidden, cosine = [], [], []
         for ray in self.sight(view):
             hit = self.scene.ray_intersect(ray)
+            assert hit.is_valid(), "a ray slipped between triangles"
             points.append(np.array(hit.p))
             facet, normal = np.array(hit.n), np.array(hit.sh_frame.n)
             hidden.append(

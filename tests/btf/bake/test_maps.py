@@ -41,6 +41,15 @@ def test_normals_stay_those_of_the_heights():
     assert np.allclose(np.linalg.norm(small.normal, axis=2), 1, atol=1e-6)
 
 
+def test_a_depth_that_only_normals_tell_is_told_before():
+    height = fields.bumps(64, 64, 3.0)
+    normal = normals_of_slopes(slopes_of_height(height * 8.0, tiles=True)).astype(np.float32)
+    small = resized(fields.plain(height, depth=None, normal=normal), 16)
+    assert small.depth == pytest.approx(2, rel=1e-3)
+    assert "at 64 x 64 texels: depth 8.00" in small.notes[-1]
+    assert resized(fields.plain(height, depth=None), 16).depth is None
+
+
 def test_lost_slopes_become_roughness():
     slopes = np.zeros((8, 8, 2))
     slopes[::2, :, 0], slopes[1::2, :, 0] = 0.3, -0.3

@@ -50,23 +50,22 @@ def test_depth_of_8_bit_maps_is_told_too():
     assert relief(coarse).depth == pytest.approx(5, rel=0.02)
 
 
-def test_inverted_heights_and_flipped_greens_are_mended_and_noted():
+def test_inverted_heights_and_flipped_greens_are_noted_and_tell_the_depth_all_the_same():
     made = with_normals()
     turned = made.normal * np.array([1, -1, 1], np.float32)
     wrong = {
-        "white is deep": replace(made, height=1 - made.height),
-        "green points down": replace(made, normal=turned),
-        "both": replace(made, height=1 - made.height, normal=turned),
+        "pits": replace(made, height=1 - made.height),
+        "green": replace(made, normal=turned),
+        "pits and green": replace(made, height=1 - made.height, normal=turned),
+        "": made,
     }
-    right = relief(made)
     for name, each in wrong.items():
         found = relief(each)
         notes = " ".join(found.notes)
-        assert ("white is deep" in notes) == (name != "green points down")
-        assert ("green points down" in notes) == (name != "white is deep")
-        assert np.allclose(found.height, right.height, atol=1e-4)
-        assert np.allclose(found.maps, right.maps, atol=1e-4)
-        assert found.depth == pytest.approx(right.depth, rel=1e-4)
+        assert ("pits" in notes, "green" in notes) == ("pits" in name, "green" in name)
+        assert found.depth == pytest.approx(5, rel=1e-3)
+        wanted = normals_of_slopes(slopes_of_normals(each.normal))
+        assert np.allclose(found.maps[..., :3], wanted, atol=1e-6)  # nothing was turned
 
 
 def test_depth_without_a_match_is_a_share_of_the_edge():
@@ -152,13 +151,21 @@ def test_normals_integrate_to_the_heights_that_they_came_from(tiles):
         height = np.add.outer(np.sin(np.arange(40) / 9.0), np.cos(np.arange(56) / 7.0)) * 3
     slopes = slopes_of_height(height, tiles=tiles)
     found = integrated(slopes, tiles=tiles)
-    assert np.allclose(found, height - height.mean(), atol=0.02)
+    assert np.allclose(found, height - height.mean(), atol=0.04)  # of a height of 6 and 12
     made = fields.plain((40, 56), normal=normals_of_slopes(slopes).astype(np.float32))
     made = replace(made, tiles=tiles)
     assert relief(made).flat
     found = relief(made, integrate=True)
     assert found.depth == pytest.approx(np.ptp(height), rel=0.01)
-    assert np.allclose(found.height[:40, :56], height - height.mean(), atol=0.02)
+    assert np.allclose(found.height[:40, :56], height - height.mean(), atol=0.04)
+
+
+def test_noise_in_normals_does_not_become_stripes():
+    noise = np.random.default_rng(0).normal(scale=0.1, size=(32, 48, 2))
+    found = integrated(noise, tiles=True)
+    spectrum = np.abs(np.fft.fft2(found))
+    assert spectrum[14:19].mean() < spectrum[4:9].mean()
+    assert spectrum[:, 22:27].mean() < spectrum[:, 4:9].mean()
 
 
 @pytest.mark.parametrize("width", [3.0, 8.0, 20.0])

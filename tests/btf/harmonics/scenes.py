@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,16 +10,16 @@ import numpy as np
 from btfcore.btf.directions import Layout, layout
 from btfcore.btf.harmonics.basis import evaluate, functions
 from btfcore.btf.sample import BtfSample, full_index
-from btfcore.btf.stack import ArrayStack
-
-FUZZ = 1e-12
+from btfcore.btf.stack import ArrayStack, SubsetStack
 
 
 def bumpy(chosen: Layout, size: int = 8, *, shine: float = 0.3, seed: int = 0) -> BtfSample:
     """Lambert and a shiny lobe on a smooth tiling relief; no cast shadows."""
     rng = np.random.default_rng(seed)
     grid = 2 * np.pi * np.arange(size) / size
-    waves = zip(rng.normal(0, 0.25, 12), rng.integers(-3, 4, (12, 2)), rng.uniform(0, 6, 12))
+    waves = zip(
+        rng.normal(0, 0.25, 12), rng.integers(-3, 4, (12, 2)), rng.uniform(0, 6, 12), strict=True
+    )
     height = sum(a * np.sin(i * grid[:, None] + j * grid[None] + p) for a, (i, j), p in waves)
     normal = np.stack(
         [
@@ -70,6 +71,15 @@ def banded(
     images = np.einsum("lm,vmijc->vlijc", values, truth)
     assert images.min() > 0
     return sample("banded", images.reshape(-1, size, size, 3), chosen.views, chosen.lights), truth
+
+
+def without(sample, pairs):
+    """Return the sample with some (view, light) images missing."""
+    index = sample.index.copy()
+    index[tuple(np.transpose(pairs))] = -1
+    kept = index[index >= 0]
+    index[index >= 0] = np.arange(len(kept))
+    return replace(sample, index=index, stack=SubsetStack(sample.stack, kept))
 
 
 def few_views(name: str, views: int = 3) -> Layout:

@@ -13,8 +13,7 @@ from btfcore.btf.harmonics.fit import fit_harmonics
 from btfcore.btf.sample import NORMAL, from_picture
 from btfcore.btf.stack import ArrayStack
 from btfcore.errors import Cancelled, InvalidParameter
-from tests.btf.harmonics.scenes import banded, bumpy, few_views, sample
-from tests.btf.harmonics.test_operators import without
+from tests.btf.harmonics.scenes import banded, bumpy, few_views, sample, without
 
 SMALL = few_views("12x5x12x5", 5)
 
@@ -44,12 +43,13 @@ def test_harmonics_on_few_axes_come_back(name, order, kind, centred, metric):
     )
     # the images are f4, which the smallest singular value magnifies
     np.testing.assert_allclose(vectors, truth.transpose(0, 2, 3, 1, 4), atol=2e-3)
-    assert found.errors.total < 1e-6
+    assert found.errors.total < 3e-6
     whole = scene.stack.read(np.arange(scene.images))
     np.testing.assert_allclose(reconstructed(found, scene), whole, rtol=2e-5)
 
 
 def test_errors_add_up_and_are_those_of_the_images(scene):
+    scene = replace(scene, stack=ArrayStack(scene.stack.images + np.float32(0.1)))
     found = fit_harmonics(scene, order=3, components=6, ridge=0)
     errors = found.errors
     assert errors.total**2 == pytest.approx(errors.truncation**2 + errors.pca**2, rel=1e-4)

@@ -14,11 +14,11 @@ from tests.btf.harmonics.scenes import carpet
 
 @pytest.fixture(scope="module")
 def measured(data):
-    return carpet(data)
+    return carpet(data, np.arange(0, 151, 7))
 
 
 def test_the_carpet_is_brown_and_darker_under_low_lights(measured):
-    colours = measured.stack.read(np.arange(measured.images)).reshape(151, 151, 3)
+    colours = measured.stack.read(np.arange(measured.images)).reshape(22, 151, 3)
     assert (colours > 0).all()
     red, green, blue = colours.mean(axis=(0, 1))
     assert 0.15 > red > green > blue > 0.02
@@ -41,8 +41,8 @@ def test_lights_that_were_not_fitted_are_predicted(measured):
     """Every fifth light is left out; what the others say of it is near what was measured."""
     held = np.arange(4, 151, 5)
     rest = np.setdiff1d(np.arange(151), held)
-    found = fit_harmonics(subset(measured, np.arange(151), rest), order=4, kind="hemispherical")
-    truth = subset(measured, np.arange(151), held)
+    found = fit_harmonics(subset(measured, np.arange(22), rest), order=4, kind="hemispherical")
+    truth = subset(measured, np.arange(22), held)
     stack = HarmonicStack(found, truth.lights, truth.pairs())
     images = np.arange(truth.images)
     whole = truth.stack.read(images).astype(float)
@@ -52,7 +52,7 @@ def test_lights_that_were_not_fitted_are_predicted(measured):
 
 def test_the_leaf_is_nearly_of_order_four(data):
     """A PTM is a parabola in the light's coordinates, cut at 0: near to order 2, nearer to 4."""
-    lights = layout("ubo151").lights
+    lights = layout("ubo81").lights
     leaf = read_ptm(data / "btf" / "rti_leaf_lrgb_ptm_512", lights=lights, colour="linear")
     leaf = materialize(cropped(leaf, slice(200, 232), slice(200, 232)))
     found = [fit_harmonics(leaf, order=order, components=24).errors for order in (2, 4)]

@@ -1,7 +1,5 @@
 """Least squares are least, come back to harmonics exactly, and answer to the ridge."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -14,9 +12,8 @@ from btfcore.btf.harmonics.operators import (
     least_squares,
     view_operators,
 )
-from btfcore.btf.stack import SubsetStack
 from btfcore.errors import InvalidBtf, InvalidParameter
-from tests.btf.harmonics.scenes import bumpy, few_views
+from tests.btf.harmonics.scenes import bumpy, few_views, without
 
 RNG = np.random.default_rng(8)
 SUFFICIENT = [
@@ -98,15 +95,6 @@ def test_views_with_the_same_lights_share_their_operator():
     np.testing.assert_array_equal(operators[1].images, sample.index[1])
 
 
-def without(sample, pairs):
-    """Return the sample with some (view, light) images missing."""
-    index = sample.index.copy()
-    index[tuple(np.transpose(pairs))] = -1
-    kept = index[index >= 0]
-    index[index >= 0] = np.arange(len(kept))
-    return replace(sample, index=index, stack=SubsetStack(sample.stack, kept))
-
-
 def test_missing_images_are_left_out_of_their_view_only():
     whole = bumpy(few_views("ubo81"), 2)
     sample = without(whole, [(1, 5), (1, 44)])
@@ -143,6 +131,12 @@ def test_knobs_out_of_range(knob):
         FitParameters(**knob)
 
 
-def test_values_and_lights_must_be_as_many():
+def test_values_and_lights_are_checked():
+    broken = np.ones(81)
+    broken[[3, 5]] = np.nan, np.inf
+    with pytest.raises(InvalidParameter, match="felt: 2 of 81 values are not finite"):
+        coefficients(broken, layout("ubo81").lights, name="felt")
+    with pytest.raises(InvalidParameter, match="light 0 is no unit vector, its length is nan"):
+        coefficients(np.ones(1), np.array([[np.nan, 0, 1]]))
     with pytest.raises(InvalidParameter, match="80 values for 81 lights"):
         coefficients(np.ones(80), layout("ubo81").lights)

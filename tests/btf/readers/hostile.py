@@ -110,13 +110,15 @@ ARCHIVES = {
     "comment lies": (archive([Member(NAME)]) + b"more", "no whole zip"),
 }  # fmt: skip
 
+# Stored bytes that are said to be deflated.
+NO_DEFLATE = archive([Member(NAME, b"\xff" * 9)]).replace(b"\0\0\0\0\x21\0", b"\x08\0\0\0\x21\0")
+
 # Archives whose directory is sound, but a member is not.
 MEMBERS = {
     "another method": (archive([Member(NAME, b"x", method=14)]), "method 14"),
     "wrong checksum": (archive([Member(NAME, b"x", crc=7)]), "other bytes"),
     "longer than said": (archive([Member(NAME, bytes(999), method=8, size=9)]), "other bytes"),
     "shorter than said": (archive([Member(NAME, b"x" * 9, method=8, size=999)]), "other bytes"),
-    "no deflate": (archive([Member(NAME, b"\xff" * 9)]).replace(b"\0\0\0\0\x21\0", b"\x08\0\0\0\x21\0"),
-                   "broken"),
+    "no deflate": (NO_DEFLATE, "broken"),
     "no local header": (b"XX" + archive([Member(NAME, b"x")])[2:], "does not lie"),
 }  # fmt: skip

@@ -8,7 +8,7 @@ from btfcore.btf.readers.bonn_names import looks_like_named_images, read_named_i
 from btfcore.btf.readers.conditions import from_angles
 from btfcore.btf.readers.snap import MOST_DEG
 from btfcore.errors import InvalidBtf, InvalidImage, InvalidParameter
-from tests.btf.readers.sets import RINGS, UBO, UTIA, encoded, named, png, picture, to_folder, to_zip
+from tests.btf.readers.sets import RINGS, UBO, UTIA, encoded, named, picture, png, to_folder, to_zip
 
 pytestmark = pytest.mark.usefixtures("in_process")
 

@@ -122,6 +122,15 @@ def test_limits_hold_before_anything_is_decoded(tmp_path, radiance):
         read(tmp_path / "wide.exr")
 
 
+def test_few_bytes_cannot_promise_many_pixels(tmp_path):
+    Image.fromarray(np.zeros((300, 300), np.uint8)).save(tmp_path / "a.png")
+    size = (tmp_path / "a.png").stat().st_size
+    assert size < 900
+    with pytest.raises(InvalidImage, match=f"90,000 pixels; 1 to {100 * size:,}"):
+        read(tmp_path / "a.png", free=1000)
+    assert read(tmp_path / "a.png", free=90_000).values.shape == (300, 300)
+
+
 def test_files_cut_off_anywhere_are_refused_by_name(tmp_path, radiance):
     noise = np.random.default_rng(0).integers(0, 65535, (6, 8, 3)).astype(np.uint16)
     write(tmp_path / "a.exr", radiance, "float")

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from btfcore.btf.colour import srgb_to_linear
-from btfcore.btf.readers.ptm import looks_like_ptm, read_ptm
 from btfcore.btf.readers.pbr_relief import curled
+from btfcore.btf.readers.ptm import looks_like_ptm, read_ptm
 from btfcore.errors import InvalidBtf, InvalidParameter
 from tests.btf.readers.sets import png, to_folder, to_zip
 
@@ -31,9 +31,7 @@ def expected(coefficients, light):
     """Σ (c − bias) scale b / 255 by a plain sum, (…,) f8."""
     u, v, _ = light
     basis = [u * u, v * v, u * v, u, v, 1]
-    terms = [
-        (coefficients[..., k].astype(float) - BIAS[k]) * SCALE[k] * basis[k] for k in range(6)
-    ]
+    terms = [(coefficients[..., k].astype(float) - BIAS[k]) * SCALE[k] * basis[k] for k in range(6)]
     return np.maximum(sum(terms) / 255, 0)
 
 

@@ -83,7 +83,15 @@ def test_a_table_without_views_is_seen_from_above_and_lengths_are_mended(tmp_pat
 
 @pytest.mark.parametrize(
     "name",
-    ["../a.png", "/etc/a.png", "C:\\a.png", "\\\\host\\share\\a.png", "sub/../../a.png", "x/..", ""],
+    [
+        "../a.png",
+        "/etc/a.png",
+        "C:\\a.png",
+        "\\\\host\\share\\a.png",
+        "sub/../../a.png",
+        "x/..",
+        "",
+    ],
 )
 def test_names_that_leave_the_folder_are_refused_with_their_line(tmp_path, name):
     to_folder(tmp_path, {"a.png": png(picture(1)), "set/b.png": png(picture(1))})

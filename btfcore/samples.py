@@ -1,0 +1,215 @@
+"""The verbs for samples that command line, window and notebooks share."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from btfcore.btf.appearance import quilting_sample
+from btfcore.btf.directions import to_angles
+from btfcore.btf.sample import BtfSample, Encoding
+from btfcore.errors import InvalidBtf
+from btfcore.files.samples import DEFAULT_SIZE, open_sample
+from btfcore.progress import Progress, between, silent
+from btfcore.types import F8, Sample
+
+
+def description(sample: BtfSample) -> dict[str, Any]:
+    """Everything worth knowing about a sample that can be told without its images; plain JSON."""
+    height, width = sample.shape
+    out: dict[str, Any] = {
+        "name": sample.name,
+        "width": width,
+        "height": height,
+        "views": len(sample.views),
+        "lights": len(sample.lights),
+        "images": sample.images,
+        "missing": sample.missing,
+        "view_rings": _rings(sample.views),
+        "light_rings": _rings(sample.lights),
+        "raw_megabytes": round(sample.images * height * width * 6 / 1e6, 3),
+        "feature_share": None if sample.mask is None else round(float(sample.mask.mean()), 4),
+        "tiles": sample.tiles,
+        "texel_size_mm": sample.texel_size,
+        "cosine_included": sample.cosine,
+        "factors": None,
+        "licence": sample.licence,
+        "citation": sample.citation,
+        "origin": sample.origin,
+        "notes": list(sample.notes),
+    }
+    if sample.factors is not None:
+        factors = sample.factors
+        out["factors"] = factors.rank
+        out["encoding"] = factors.encoding.name
+        out["knee"] = factors.encoding.knee
+        out["coded_error"] = round(factors.error, 6) if np.isfinite(factors.error) else None
+    return out
+
+
+def _rings(directions: F8) -> str:
+    """Polar angles in degrees and how many directions each has: "0x1 15x6 30x12"."""
+    theta = np.round(np.degrees(to_angles(directions)[0]), 1)
+    values, counts = np.unique(theta, return_counts=True)
+    if len(values) > 24:
+        return f"{len(values)} polar angles from {values[0]:g} to {values[-1]:g} degrees"
+    pairs = zip(values, counts, strict=True)
+    return " ".join(f"{value:g}x{count}" for value, count in pairs)
+
+
+def bake_files(
+    path: str | Path,
+    views: F8,
+    lights: F8,
+    *,
+    size: int | None = None,
+    depth: float | None = None,
+    shadows: bool = True,
+    parallax: bool = True,
+    bounce: bool = False,
+    memory_mb: float = 2048,
+    progress: Progress = silent,
+) -> BtfSample:
+    """Read a PBR set and bake it; see `btfcore.btf.bake.bake.baked` for the knobs."""
+    from btfcore.btf.bake.build import baked
+    from btfcore.btf.materialize import materialize
+    from btfcore.btf.readers.pbr_files import read_pbr
+
+    pbr = read_pbr(Path(path), size=size or DEFAULT_SIZE)
+    sample = baked(
+        pbr, views, lights, depth="auto" if depth is None else depth, shadows=shadows,
+        parallax=parallax, bounce=bounce,
+    )  # fmt: skip
+    return materialize(sample, memory_mb=memory_mb, progress=between(progress, 0.0, 0.5))
+
+
+def with_factors(
+    sample: BtfSample,
+    *,
+    rank: int | str = 40,
+    rmse: float = 0.02,
+    encoding: str = "auto",
+    knee: float | str | None = "auto",
+    memory_mb: float = 2048,
+    seed: int = 0,
+    progress: Progress = silent,
+) -> BtfSample:
+    """Return the sample with its factorisation, and notes about what was mended in its values.
+
+    Raises `InvalidParameter` for knobs out of range, `InvalidBtf` for an ordinary picture.
+    """
+    from btfcore.btf.factor.svd import factorize
+    from btfcore.btf.materialize import flaws
+
+    if sample.is_image:
+        raise InvalidBtf(f"{sample.name}: one image has nothing to factorise")
+    found = flaws(sample.stack)
+    factors = factorize(
+        sample, rank=rank, rmse=rmse, encoding=encoding, knee=knee, memory_mb=memory_mb,
+        seed=seed, progress=progress,
+    )  # fmt: skip
+    notes = sample.notes
+    if found.total:
+        notes += (
+            f"took {found.nan} NaN and {found.negative} negative values as 0, and"
+            f" {found.infinite} infinite ones as 65504",
+        )
+    return replace(sample, factors=factors, notes=notes)
+
+
+def error_figures(
+    sample: BtfSample,
+    reference: BtfSample | None = None,
+    *,
+    rank: int | str = 40,
+    encoding: str = "auto",
+    held_out: bool = False,
+    memory_mb: float = 2048,
+    progress: Progress = silent,
+) -> dict[str, Any]:
+    """Errors of a sample's factors against a reference's images; plain JSON.
+
+    Without a reference the sample's own images are factorised and compared. Raises
+    `InvalidBtf` where the two have other sizes or directions, or where a factorised package
+    is given without the images that it was made from.
+    """
+    from btfcore.btf.factor.errors import factor_errors, held_out_errors
+
+    if reference is None:
+        if sample.factors is not None:
+            raise InvalidBtf(
+                f"{sample.name}: a factorised package no longer has its images; name the sample"
+                " that it was made from with --against"
+            )
+        reference = sample
+    else:
+        _check_alike(sample, reference)
+    if sample.factors is None:
+        sample = with_factors(
+            sample, rank=rank, encoding=encoding, memory_mb=memory_mb,
+            progress=between(progress, 0.0, 0.6),
+        )  # fmt: skip
+    factors = sample.factors
+    assert factors is not None
+    out: dict[str, Any] = {"rank": factors.rank, "encoding": _code(factors.encoding)}
+    found = factor_errors(reference, factors, progress=between(progress, 0.6, 0.8))
+    out |= _plain(asdict(found))
+    if held_out:
+        left = held_out_errors(
+            reference, rank=factors.rank, encoding=factors.encoding,
+            progress=between(progress, 0.8, 1.0),
+        )  # fmt: skip
+        out |= {f"held_out_{key}": value for key, value in _plain(asdict(left)).items()}
+    return out
+
+
+def _code(encoding: Encoding) -> str:
+    return encoding.name if encoding.knee is None else f"{encoding.name}, knee {encoding.knee:g}"
+
+
+def _plain(figures: dict[str, Any]) -> dict[str, Any]:
+    """JSON values of figures: rounded floats, None for what is not finite."""
+    out: dict[str, Any] = {}
+    for key, value in figures.items():
+        if isinstance(value, (float, np.floating)):
+            out[key] = round(float(value), 6) if np.isfinite(value) else None
+        elif isinstance(value, (tuple, list, np.ndarray)):
+            out[key] = [part.item() if hasattr(part, "item") else part for part in value]
+        else:
+            out[key] = value.item() if hasattr(value, "item") else value
+    return out
+
+
+def _check_alike(sample: BtfSample, reference: BtfSample) -> None:
+    pairs = (
+        ("images", sample.images, reference.images),
+        ("texels", sample.shape, reference.shape),
+        ("views", len(sample.views), len(reference.views)),
+        ("lights", len(sample.lights), len(reference.lights)),
+    )
+    for what, one, two in pairs:
+        if one != two:
+            raise InvalidBtf(f"{sample.name} has {one} {what}, {reference.name} has {two}")
+    for what, a, b in (
+        ("view", sample.views, reference.views),
+        ("light", sample.lights, reference.lights),
+    ):
+        apart = float(np.abs(a - b).max())
+        if apart > 1e-3:
+            raise InvalidBtf(
+                f"{sample.name} and {reference.name} have other {what} directions: they differ"
+                f" by up to {apart:.3f}"
+            )
+    if not np.array_equal(sample.index, reference.index):
+        raise InvalidBtf(f"{sample.name} and {reference.name} lack other images")
+
+
+def load_quilting_sample(
+    path: str | Path, *, progress: Progress = silent
+) -> tuple[Sample, tuple[str, ...]]:
+    """Open a sample of any kind for quilting, and the notes that reading it left."""
+    sample = open_sample(path)
+    return quilting_sample(sample, progress=progress), sample.notes
