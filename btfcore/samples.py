@@ -12,7 +12,7 @@ from btfcore.btf.appearance import quilting_sample
 from btfcore.btf.directions import to_angles
 from btfcore.btf.sample import BtfSample, Encoding
 from btfcore.errors import InvalidBtf
-from btfcore.files.samples import DEFAULT_SIZE, open_sample
+from btfcore.files.samples import open_sample, read_pbr_sized
 from btfcore.progress import Progress, between, silent
 from btfcore.types import F8, Sample
 
@@ -73,12 +73,11 @@ def bake_files(
     memory_mb: float = 2048,
     progress: Progress = silent,
 ) -> BtfSample:
-    """Read a PBR set and bake it; see `btfcore.btf.bake.bake.baked` for the knobs."""
+    """Read a PBR set and bake it; see `btfcore.btf.bake.build.baked` for the knobs."""
     from btfcore.btf.bake.build import baked
     from btfcore.btf.materialize import materialize
-    from btfcore.btf.readers.pbr_files import read_pbr
 
-    pbr = read_pbr(Path(path), size=size or DEFAULT_SIZE)
+    pbr = read_pbr_sized(path, size)
     sample = baked(
         pbr, views, lights, depth="auto" if depth is None else depth, shadows=shadows,
         parallax=parallax, bounce=bounce,

@@ -41,8 +41,10 @@ def kind_of(head: bytes) -> str | None:
 
 def raw_picture(
     path: Path, kind: str, options: Options, notes: list[str]
-) -> tuple[NDArray[Any], str]:
+) -> tuple[NDArray[Any], str] | None:
     """Pixels of `path` as stored, (H, W, 3) or (H, W), u1, u2, f2 or f4, and what they mean.
+
+    None for a TIFF of 8 bits, whose palettes and profiles Pillow knows better.
 
     `path` must have the ending of its `kind`. The meaning is "xyz" or "rec709" where the
     channels' names or chromaticities say so, else "". An EXR's data window is laid into its
@@ -58,6 +60,8 @@ def raw_picture(
     if source is None:
         raise InvalidImage(f"the {kind} file is broken or cut off ({_said(oiio.geterror(), path)})")
     try:
+        if kind == "tiff" and str(source.spec().format) == "uint8":
+            return None
         if source.format_name() != kind:
             raise InvalidImage(f"begins like {kind}, but is read as {source.format_name()}")
         part, places, meaning = _part(source, notes)

@@ -57,7 +57,7 @@ def decode(arrays: Arrays, options: Options) -> tuple[Arrays, Options]:
 
 
 def _decode(path: Path, options: Options, notes: list[str]) -> NDArray[Any]:
-    image = _open(path)
+    image = _open(path, path.suffix)
     width, height = image.size
     if width * height > options["most"]:
         raise InvalidImage(
@@ -83,16 +83,17 @@ def _decode(path: Path, options: Options, notes: list[str]) -> NDArray[Any]:
     return np.asarray(image.convert("RGB"))
 
 
-def raw_picture(source: Path | bytes, options: Options, notes: list[str]) -> NDArray[Any]:
+def raw_picture(data: bytes, suffix: str, options: Options, notes: list[str]) -> NDArray[Any]:
     """Pixels as they are stored: (H, W, 3) or grey (H, W), u1, or u2 for deep grey images.
 
     options: "most" pixels, "icc": bring colours to sRGB by the image's own profile, "size":
     the only [width, height] that will do, or None. Palettes are resolved, alpha is left out,
-    the camera's turn is undone. Raises `InvalidImage`, or whatever Pillow makes of a broken file.
+    the camera's turn is undone. suffix : the file's ending, which tells TGA files, as they have
+    no mark. Raises `InvalidImage`, or whatever Pillow makes of a broken file.
     """
     warnings.simplefilter("ignore")
     Image.MAX_IMAGE_PIXELS = None  # checked by `check_size` before anything is decoded
-    image = _open(source)
+    image = _open(data, suffix)
     check_size(*image.size, options)
     profile = image.info.get("icc_profile") if options["icc"] else None
     image.load()
@@ -128,15 +129,15 @@ def check_size(width: int, height: int, options: Options) -> None:
         )
 
 
-def _open(source: Path | bytes) -> Image.Image:
-    """Open with the one decoder that the first bytes, or a file's .tga ending, call for."""
+def _open(source: Path | bytes, suffix: str) -> Image.Image:
+    """Open with the one decoder that the first bytes, or a .tga ending, call for."""
     if isinstance(source, Path):
         with source.open("rb") as stream:
             head = stream.read(32)
     else:
         head = source[:32]
     kind = next(((form, plugin) for magic, form, plugin in _MAGIC if head.startswith(magic)), None)
-    if kind is None and isinstance(source, Path) and source.suffix.lower() == ".tga":
+    if kind is None and suffix.lower() == ".tga":
         kind = ("TGA", "TgaImagePlugin")
     if kind is None:
         raise InvalidImage(

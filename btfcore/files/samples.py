@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
+from btfcore.btf.pbr import PbrSet
 from btfcore.btf.sample import BtfSample
 from btfcore.errors import InvalidBtf, InvalidParameter
 from btfcore.progress import Progress, silent
+from btfcore.types import F8
 
 DEFAULT_LAYOUT = "ubo81"
 DEFAULT_SIZE = 128
+FITTING_SIZE = 512
+LARGEST_SIZE = 8192
 WRITABLE = (".btfz", ".zip", ".btf")
 
 
@@ -66,13 +74,28 @@ def open_pbr(
 ) -> BtfSample:
     """Open a PBR texture set as a BTF that is baked when its images are asked for."""
     from btfcore.btf.bake.build import baked
-    from btfcore.btf.readers.pbr_files import read_pbr
 
     views, lights = directions_of(layout)
-    return baked(read_pbr(Path(path), size=size or DEFAULT_SIZE), views, lights)
+    return baked(read_pbr_sized(path, size), views, lights)
 
 
-def directions_of(layout: str | Path):  # type: ignore[no-untyped-def]
+def read_pbr_sized(path: str | Path, size: int | None = None) -> PbrSet:
+    """Read a PBR set, its longer edge reduced to `size` texels (128 unless told).
+
+    The maps are read at up to 512 texels first, and the depth of the relief is fitted there:
+    small maps tell less about it. Raises `InvalidParameter` for a size out of 1 … 8192.
+    """
+    from btfcore.btf.bake.maps import resized
+    from btfcore.btf.readers.pbr_files import read_pbr
+
+    size = DEFAULT_SIZE if size is None else size
+    if not 1 <= size <= LARGEST_SIZE:
+        raise InvalidParameter(f"a size of {size} texels, outside 1 … {LARGEST_SIZE}")
+    found = read_pbr(Path(path), size=max(size, FITTING_SIZE))
+    return found if max(found.shape) <= size else resized(found, size)
+
+
+def directions_of(layout: str | Path) -> tuple[F8, F8]:
     """Views and lights of a layout's name or of a file of directions."""
     from btfcore.btf.directions import layout as named
     from btfcore.btf.directions import read_layout
@@ -113,7 +136,12 @@ def kind_of(path: Path) -> str:
     return "image"
 
 
-def _container(path: Path, named, table, pbr) -> str:  # type: ignore[no-untyped-def]
+def _container(
+    path: Path,
+    named: Callable[[Path], bool],
+    table: Callable[[Path], bool],
+    pbr: Callable[[Path], bool],
+) -> str:
     """Kind of a folder or zip."""
     from btfcore.files.package.read import is_package
 
@@ -188,10 +216,8 @@ def save_sample(
     return ()
 
 
-def thumbnail(sample: BtfSample, *, side: int = 256):  # type: ignore[no-untyped-def]
+def thumbnail(sample: BtfSample, *, side: int = 256) -> NDArray[np.uint8]:
     """Return a small sRGB picture (h, w, 3) u8 of the sample seen from above, lit obliquely."""
-    import numpy as np
-
     from btfcore.btf.appearance import frontal_colours
 
     colours = frontal_colours(sample)

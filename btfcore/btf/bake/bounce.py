@@ -28,8 +28,8 @@ class Bounce:
 
     Twelve bytes per texel and light, four times that where the set does not tile. Only the
     diffuse part of the light scattered once is gathered, from 256 directions whose hits are
-    rounded to texels. Against a path tracer the mean is within 3 % on smooth relief, and within
-    15 % on walls steeper than texels are wide; in both cases 1 % of all light.
+    rounded to texels. Against a path tracer its mean is within 3 % on smooth relief, and was up
+    to 27 % off on walls a texel wide, which is 1.3 % of all light there.
     """
 
     def __init__(self, relief: Relief, *, shadows: bool) -> None:

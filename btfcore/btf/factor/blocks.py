@@ -75,11 +75,10 @@ class CodedBlocks:
         *,
         images: int,
         keep: bool,
-        centre: bool = True,
     ) -> None:
-        """Blocks of `images` images; `centre`: take the means over texels off."""
+        """Blocks of `images` images."""
         self._stack, self._knobs, self._pool = stack, knobs(encoding), pool
-        self._images, self._keep, self._centre = images, keep, centre
+        self._images, self._keep = images, keep
         self._kept: dict[int, Block] = {}
         self._spooled: dict[int, Block] = {}
         self._buffer: F4 | None = None
@@ -118,7 +117,7 @@ class CodedBlocks:
             images = images.reshape(stop - start, height * width, 3)
 
             def one(j: int, images: F4 = images, start: int = start) -> None:
-                energy[j] = fill(images[j - start], tiles, 3 * j, *self._knobs, self._centre, mean)
+                energy[j] = fill(images[j - start], tiles, 3 * j, *self._knobs, mean)
 
             for _ in self._pool.map(one, range(start, stop)):
                 pass

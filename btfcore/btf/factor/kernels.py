@@ -19,11 +19,11 @@ _FAST = {"contract"}
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def fill(image, tiles, row, kind, epsilon, knee, centre, mean):  # type: ignore[no-untyped-def]
+def fill(image, tiles, row, kind, epsilon, knee, mean):  # type: ignore[no-untyped-def]
     """Code an image (N, 3) f4 into rows `row` … `row` + 2 of `tiles`.
 
-    mean (m,) f4: takes the mean over texels, which is subtracted where `centre` is set, else 0.
-    Returns the sums of squares of the coded values, before and after.
+    mean (m,) f4 takes the means over texels, which are subtracted. Returns the sums of squares of
+    the coded values, before and after.
     """
     texels = len(image)
     # lane by lane, so that the sums vectorise without being reordered
@@ -43,7 +43,7 @@ def fill(image, tiles, row, kind, epsilon, knee, centre, mean):  # type: ignore[
                 goal[x] += value
                 squares[x] += value * value
     for c in range(3):
-        mean[row + c] = total[c].sum() / texels if centre else 0.0
+        mean[row + c] = total[c].sum() / texels
     for t in range(len(tiles)):
         count = min(LANES, texels - t * LANES)
         for c in range(3):

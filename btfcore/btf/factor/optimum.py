@@ -14,11 +14,13 @@ from btfcore.types import F8
 LARGEST = 4096  # texels, or images × colours: LAPACK's time grows with the cube
 
 
-def optimal_errors(sample: BtfSample, ranks: Sequence[int], encoding: Encoding) -> F8:
+def optimal_errors(
+    sample: BtfSample, ranks: Sequence[int], encoding: Encoding, *, centred: bool = True
+) -> F8:
     """Relative L2 errors in coded values (len(ranks),) of the best factors of each rank.
 
-    Means over texels are taken off first, as `factorize` does, and count as value. All in f8
-    and in memory. Raises `InvalidParameter` for samples of more than 4096 texels and columns.
+    centred : take the means over texels off first, as `factorize` does; they count as value.
+    All in f8 and in memory. Raises `InvalidParameter` for samples of more than 4096 texels and columns.
     """
     images, height, width = sample.stack.shape
     small = min(height * width, images * 3)
@@ -30,7 +32,8 @@ def optimal_errors(sample: BtfSample, ranks: Sequence[int], encoding: Encoding) 
     coded = encode(sample.stack.read(np.arange(images)), encoding).astype(np.float64)
     matrix = coded.reshape(images, -1, 3).transpose(1, 0, 2).reshape(height * width, -1)
     total = float((matrix**2).sum())
-    matrix = matrix - matrix.mean(axis=0)
+    if centred:
+        matrix = matrix - matrix.mean(axis=0)
     values = np.linalg.svd(matrix, compute_uv=False)
     lost = np.array([(values[rank:] ** 2).sum() for rank in ranks])
     return np.sqrt(lost / total) if total > 0 else np.zeros(len(ranks))

@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from btfcore.btf.factor.blocks import CodedBlocks, cores, share
-from btfcore.btf.factor.encoding import DEFAULT, checked, encode
+from btfcore.btf.factor.encoding import EPSILON, checked, encode
 from btfcore.btf.factor.kernels import LANES, down, sketch, up
 from btfcore.btf.factor.knee import choose_knee
 from btfcore.btf.factor.plan import plan
@@ -51,8 +51,9 @@ def factorize(
     rank : number of factors, or "auto": the fewest whose mean sRGB RMSE is at most `rmse`; a
     note of the result says so where even `CAP` do not reach it. There are fewer where the BTF
     has no more (none for one that is the same everywhere); one image comes back exactly, as its
-    three colours. encoding : a name of `encoding.NAMES`, "auto" for the default one, or an
-    `Encoding`. knee : see `Encoding`; "auto" asks `choose_knee`; ignored with an `Encoding`.
+    three colours. encoding : a name of `encoding.NAMES`, an `Encoding`, or "auto": "log" where
+    highlights carry much of the energy (`choose_knee`), else "sqrt". knee : see `Encoding`;
+    "auto" asks `choose_knee`, but for the logarithms, which need none; ignored with an `Encoding`.
     oversample : further columns that the iteration works on. passes : iterations; the images
     are read one time more. memory_mb : MiB that may be used beyond what is used already; a
     sample whose coded images fit is read only once. The same seed gives the same bits,
@@ -87,13 +88,18 @@ def resolved(
     """Return the encoding that names and numbers stand for; raises `InvalidParameter`."""
     if isinstance(encoding, Encoding):
         return checked(encoding)
-    name = DEFAULT if encoding == "auto" else encoding
-    checked(Encoding(name))
-    if isinstance(knee, str):
-        if knee != "auto":
-            raise InvalidParameter(f"{sample.name}: knee {knee!r}, not a number, auto or none")
-        knee = choose_knee(sample.stack).knee
-    return checked(Encoding(name, knee=knee))
+    if isinstance(knee, str) and knee != "auto":
+        raise InvalidParameter(f"{sample.name}: knee {knee!r}, not a number, auto or none")
+    if encoding != "auto":
+        checked(Encoding(encoding))
+    if knee == "auto":
+        bends = encoding in ("log", "logluma")  # and a knee would only make overshoots worse
+        knee = None if bends else choose_knee(sample.stack).knee
+        if encoding == "auto" and knee is not None:
+            encoding, knee = "log", None
+    name = "sqrt" if encoding == "auto" else encoding
+    assert not isinstance(knee, str)
+    return checked(Encoding(name, EPSILON, knee))
 
 
 def _image(sample: BtfSample, encoding: Encoding) -> BtfFactors:

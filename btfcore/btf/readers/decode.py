@@ -165,13 +165,15 @@ def _decoded(
     most = min(options["most"], max(options["free"], _PIXELS_PER_BYTE * len(data)))
     options = {**options, "most": most}
     kind = _deep_kind(data[:32])
-    if kind is None:
-        return pillow_door.raw_picture(data, options, notes), ""
-    from btfcore.btf import oiio_door  # only where it is needed: it takes longer to start
+    if kind is not None:
+        from btfcore.btf import oiio_door  # only where it is needed: it takes longer to start
 
-    path = Path(options["scratch"]) / f"image{oiio_door.KINDS[kind][0]}"
-    path.write_bytes(data)
-    return oiio_door.raw_picture(path, kind, options, notes)
+        path = Path(options["scratch"]) / f"image{oiio_door.KINDS[kind][0]}"
+        path.write_bytes(data)
+        found = oiio_door.raw_picture(path, kind, options, notes)
+        if found is not None:
+            return found
+    return pillow_door.raw_picture(data, entry.suffix, options, notes), ""
 
 
 def _deep_kind(head: bytes) -> str | None:

@@ -109,6 +109,22 @@ def test_content_counts_not_the_ending(tmp_path, radiance):
     assert np.array_equal(read(tmp_path / "a.png").values, radiance)
 
 
+@pytest.mark.parametrize("name", ["a.tga", "a.bmp", "a.webp", "a.TIFF", "a.png"])
+@pytest.mark.parametrize("mode", ["RGB", "L", "RGBA", "P", "1", "LA"])
+def test_eight_bits_of_any_kind_without_alpha(tmp_path, name, mode):
+    rng = np.random.default_rng(1)
+    image = Image.fromarray(rng.integers(0, 255, (6, 8, 4), dtype=np.uint8)).convert(mode)
+    knobs = {"lossless": True, "exact": True} if name.endswith("webp") else {}
+    try:
+        image.save(tmp_path / name, **knobs)
+    except OSError:
+        pytest.skip(f"Pillow writes no {mode} into {name}")
+    raw = read(tmp_path / name)
+    assert raw.values.dtype == np.uint8
+    shown = np.asarray(image.convert("RGB"))
+    assert np.array_equal(np.broadcast_to(raw.values.T, shown.T.shape).T, shown)
+
+
 def test_limits_hold_before_anything_is_decoded(tmp_path, radiance):
     write(tmp_path / "a.exr", radiance, "float")
     Image.fromarray(np.zeros((6, 8, 3), np.uint8)).save(tmp_path / "a.png")
