@@ -105,12 +105,11 @@ def with_factors(
 
     if sample.is_image:
         raise InvalidBtf(f"{sample.name}: one image has nothing to factorise")
-    found = flaws(sample.stack)
     factors = factorize(
         sample, rank=rank, rmse=rmse, encoding=encoding, knee=knee, memory_mb=memory_mb,
         seed=seed, progress=progress,
     )  # fmt: skip
-    notes = sample.notes
+    notes, found = sample.notes, flaws(sample.stack)
     if found.total:
         notes += (
             f"took {found.nan} NaN and {found.negative} negative values as 0, and"

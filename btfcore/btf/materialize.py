@@ -78,7 +78,13 @@ def halved(block: F4) -> tuple[F4, F4]:
 
 
 def flaws(stack: ImageStack) -> Flaws:
-    """Count the values of an `ArrayStack` that are no radiance; others have none."""
+    """Count the values that `read` mends: in all of an `ArrayStack`, or as told by the stack.
+
+    Stacks of image files know the flaws of what has been read so far; others have none.
+    """
+    told = getattr(stack, "flaws", None)
+    if isinstance(told, Flaws):
+        return told
     nan = infinite = negative = 0
     if isinstance(stack, ArrayStack) and not stack.sound:
         for numbers in blocks(stack):

@@ -64,7 +64,7 @@ def open_sample(
         return read_table(path)
     if kind == "pbr":
         return open_pbr(path, layout=layout, size=size)
-    from btfcore.btf.picture import read_picture
+    from btfcore.btf.readers.picture import read_picture
 
     return read_picture(path, progress=progress)
 

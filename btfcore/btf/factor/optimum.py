@@ -20,7 +20,8 @@ def optimal_errors(
     """Relative L2 errors in coded values (len(ranks),) of the best factors of each rank.
 
     centred : take the means over texels off first, as `factorize` does; they count as value.
-    All in f8 and in memory. Raises `InvalidParameter` for samples of more than 4096 texels and columns.
+    All in f8 and in memory. Raises `InvalidParameter` where texels and columns are both more
+    than 4096.
     """
     images, height, width = sample.stack.shape
     small = min(height * width, images * 3)
