@@ -20,6 +20,7 @@ from btfcore.types import F4, F8
 DEFAULT_VIEWS = "0,0 45,0 45,90 70,45"
 DEFAULT_LIGHTS = "20,135 50,0 50,90 50,225 70,180"
 _MARGIN, _LABEL = 4, 16
+_MOST_STOPS = 32
 _GROUND, _INK = (32, 32, 34), (220, 220, 220)
 
 
@@ -51,6 +52,15 @@ class Sheet:
     cell: int = 192
     exposure: float = 0.0
 
+    def __post_init__(self) -> None:
+        """Raise `InvalidParameter` for cells and exposures that make no picture."""
+        if not 16 <= self.cell <= 2048:
+            raise InvalidParameter(f"cells of {self.cell} pixels; 16 … 2048 are possible")
+        if not abs(self.exposure) <= _MOST_STOPS:
+            raise InvalidParameter(
+                f"an exposure of {self.exposure} stops; -{_MOST_STOPS} … {_MOST_STOPS} are possible"
+            )
+
 
 def contact_sheet(
     samples: Sequence[BtfSample], sheet: Sheet, *, progress: Progress = silent
@@ -59,8 +69,6 @@ def contact_sheet(
 
     Every cell says the angles that the image really has, not those that were asked for.
     """
-    if not 16 <= sheet.cell <= 2048:
-        raise InvalidParameter(f"cells of {sheet.cell} pixels; 16 … 2048 are possible")
     rows = [(sample, view) for sample in samples for view in sheet.views]
     width = _MARGIN + len(sheet.lights) * (sheet.cell + _MARGIN)
     height = _MARGIN + len(rows) * (sheet.cell + _LABEL + _MARGIN)
@@ -85,10 +93,12 @@ def _fitted(radiance: F4, sheet: Sheet) -> Image.Image:
     coded = linear_to_srgb(radiance * np.float32(2.0**sheet.exposure))
     picture = Image.fromarray(np.round(coded * 255).astype(np.uint8))
     factor = sheet.cell / max(picture.size)
-    if factor >= 1:
-        factor = max(1, int(factor))
+    if factor >= 2:
+        factor = int(factor)
     size = (max(1, round(picture.width * factor)), max(1, round(picture.height * factor)))
-    kind = Image.Resampling.NEAREST if factor >= 1 else Image.Resampling.BOX
+    whole, larger = factor == int(factor), factor > 1
+    kind = Image.Resampling.NEAREST if whole else Image.Resampling.BICUBIC
+    kind = kind if larger else Image.Resampling.BOX
     cell = Image.new("RGB", (sheet.cell, sheet.cell), _GROUND)
     spare = (sheet.cell - size[0]) // 2, (sheet.cell - size[1]) // 2
     cell.paste(picture.resize(size, kind), spare)

@@ -17,20 +17,27 @@ if TYPE_CHECKING:
 sample_app = typer.Typer(
     help="Look at, bake, factorise and convert material samples (BTFs).", no_args_is_help=True
 )
+_ENCODINGS = ("auto", "linear", "sqrt", "log", "logluma")
+_LEAST_MEMORY = 64
 _Input = Annotated[
     Path, typer.Argument(help="Package, Bonn file, zip or folder of images, PTM, PBR set, image.")
 ]
 _Layout = Annotated[
     str,
-    typer.Option(help="Directions to bake a PBR set at: ubo81, ubo151, 12x8x12x8, … or a file."),
+    typer.Option(
+        help="Directions of a baked PBR set, lights of a PTM: ubo81, 12x8x12x8, … or a file."
+    ),
 ]
 _Size = Annotated[
     int | None, typer.Option(help="Largest side in texels of a baked PBR set (default 128).")
 ]
 _Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")]
 _Json = Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")]
-_Memory = Annotated[int, typer.Option(help="Bound on the memory used, in MiB.")]
+_Memory = Annotated[
+    int, typer.Option(help="MiB of memory for the data, besides the program's 200.")
+]
 _Encoding = Annotated[str, typer.Option(help="auto, linear, sqrt, log or logluma.")]
+_Rmse = Annotated[float, typer.Option(help="Wanted sRGB RMSE with --rank auto.")]
 _Rank = Annotated[str, typer.Option(help="Number of factors, or auto to meet --rmse.")]
 
 
@@ -70,6 +77,7 @@ def preview(
     from btfcore.files.samples import open_sample
 
     check_output(output, suffixes=(".png",))
+    _check_other(output, *paths)
     sheet = Sheet(
         parse_angles(views if views is not None else DEFAULT_VIEWS, "view"),
         parse_angles(lights if lights is not None else DEFAULT_LIGHTS, "light"),
@@ -99,7 +107,7 @@ def bake(
     rank: Annotated[
         str, typer.Option(help="Factors to keep, auto, or 'none' to keep all images.")
     ] = "40",
-    rmse: Annotated[float, typer.Option(help="Wanted sRGB RMSE with --rank auto.")] = 0.02,
+    rmse: _Rmse = 0.02,
     encoding: _Encoding = "auto",
     memory: _Memory = 2048,
     quiet: _Quiet = False,
@@ -109,15 +117,18 @@ def bake(
     from btfcore.samples import bake_files, with_factors
 
     check_sample_output(output)
+    _check_other(output, path)
     views, lights = directions_of(layout)
+    factors = rank != "none"
+    number = _knobs(rank if factors else "1", rmse, encoding, memory)
     with reporter(quiet=quiet) as progress:
         sample = bake_files(
             path, views, lights, size=size, depth=depth, shadows=shadows, parallax=parallax,
-            bounce=bounce, memory_mb=memory, progress=progress,
+            bounce=bounce, memory_mb=memory / 2 if factors else memory, progress=progress,
         )  # fmt: skip
-        if rank != "none" and not sample.is_image:
+        if factors and not sample.is_image:
             sample = with_factors(
-                sample, rank=_rank(rank), rmse=rmse, encoding=encoding, memory_mb=memory,
+                sample, rank=number, rmse=rmse, encoding=encoding, memory_mb=memory,
                 progress=progress,
             )  # fmt: skip
         notes = save_sample(output, sample, progress=progress)
@@ -129,7 +140,7 @@ def factorize(
     path: _Input,
     output: Annotated[Path, typer.Option("-o", "--output", help="Package (.btfz).")],
     rank: _Rank = "40",
-    rmse: Annotated[float, typer.Option(help="Wanted sRGB RMSE with --rank auto.")] = 0.02,
+    rmse: _Rmse = 0.02,
     encoding: _Encoding = "auto",
     knee: Annotated[
         str, typer.Option(help="Radiance above which highlights are compressed; auto or none.")
@@ -146,10 +157,12 @@ def factorize(
     from btfcore.samples import with_factors
 
     check_output(output, suffixes=(".btfz",))
+    _check_other(output, path)
+    number = _knobs(rank, rmse, encoding, memory)
     with reporter(quiet=quiet) as progress:
         sample = with_factors(
             open_sample(path, layout=layout, size=size),
-            rank=_rank(rank), rmse=rmse, encoding=encoding, knee=_knee(knee), memory_mb=memory,
+            rank=number, rmse=rmse, encoding=encoding, knee=_knee(knee), memory_mb=memory,
             seed=seed, progress=progress,
         )  # fmt: skip
         notes = save_sample(output, sample, progress=progress)
@@ -176,6 +189,7 @@ def convert(
     from btfcore.files.samples import check_sample_output, open_sample, save_sample
 
     check_sample_output(output)
+    _check_other(output, path)
     with reporter(quiet=quiet) as progress:
         sample = open_sample(path, layout=layout, size=size)
         if raw:
@@ -193,6 +207,7 @@ def errors(
         Path | None, typer.Option(help="Reference with the same directions and size.")
     ] = None,
     rank: _Rank = "40",
+    rmse: _Rmse = 0.02,
     encoding: _Encoding = "auto",
     held_out: Annotated[
         bool, typer.Option("--held-out", help="Also measure on texels that were left out.")
@@ -207,14 +222,33 @@ def errors(
     from btfcore.files.samples import open_sample
     from btfcore.samples import error_figures
 
+    number = _knobs(rank, rmse, encoding, memory)
     with reporter(quiet=quiet) as progress:
         sample = open_sample(path, layout=layout, size=size)
         reference = None if against is None else open_sample(against, layout=layout, size=size)
         figures = error_figures(
-            sample, reference, rank=_rank(rank), encoding=encoding, held_out=held_out,
-            memory_mb=memory, progress=progress,
+            sample, reference, rank=number, rmse=rmse, encoding=encoding,
+            held_out=held_out, memory_mb=memory, progress=progress,
         )  # fmt: skip
     _show(figures, as_json)
+
+
+def _check_other(output: Path, *inputs: Path | None) -> None:
+    """Refuse to write over what is read: factors do not bring the images back."""
+    for path in inputs:
+        if path is not None and path.exists() and output.exists() and output.samefile(path):
+            raise InvalidParameter(f"{output}: output and input are the same file")
+
+
+def _knobs(rank: str, rmse: float, encoding: str, memory: int) -> Any:
+    """Check knobs before work that takes long, and return the rank as number or "auto"."""
+    if not 0 < rmse < 1:
+        raise InvalidParameter(f"an RMSE of {rmse}; above 0 and below 1 can be asked for")
+    if encoding not in _ENCODINGS:
+        raise InvalidParameter(f"encoding {encoding!r}; there are {', '.join(_ENCODINGS)}")
+    if memory < _LEAST_MEMORY:
+        raise InvalidParameter(f"a memory of {memory} MiB; at least {_LEAST_MEMORY} are needed")
+    return _rank(rank)
 
 
 def _rank(text: str) -> Any:

@@ -73,16 +73,14 @@ def bake_files(
     memory_mb: float = 2048,
     progress: Progress = silent,
 ) -> BtfSample:
-    """Read a PBR set and bake it; see `btfcore.btf.bake.build.baked` for the knobs."""
-    from btfcore.btf.bake.build import baked
-    from btfcore.btf.materialize import materialize
+    """Read a PBR set and bake it; see `btfcore.btf.bake.build.bake` for the knobs."""
+    from btfcore.btf.bake.build import bake
 
-    pbr = read_pbr_sized(path, size)
-    sample = baked(
-        pbr, views, lights, depth="auto" if depth is None else depth, shadows=shadows,
-        parallax=parallax, bounce=bounce,
+    return bake(
+        read_pbr_sized(path, size), views, lights, depth="auto" if depth is None else depth,
+        shadows=shadows, parallax=parallax, bounce=bounce, memory_mb=memory_mb,
+        progress=between(progress, 0.0, 0.5),
     )  # fmt: skip
-    return materialize(sample, memory_mb=memory_mb, progress=between(progress, 0.0, 0.5))
 
 
 def with_factors(
@@ -98,18 +96,19 @@ def with_factors(
 ) -> BtfSample:
     """Return the sample with its factorisation, and notes about what was mended in its values.
 
-    Raises `InvalidParameter` for knobs out of range, `InvalidBtf` for an ordinary picture.
+    memory_mb : of all that is held, images that are in memory already included. Raises
+    `InvalidParameter` for knobs out of range, `InvalidBtf` for an ordinary picture.
     """
     from btfcore.btf.factor.svd import factorize
-    from btfcore.btf.materialize import flaws
+    from btfcore.btf.materialize import flaws, held_mb
 
     if sample.is_image:
         raise InvalidBtf(f"{sample.name}: one image has nothing to factorise")
     factors = factorize(
-        sample, rank=rank, rmse=rmse, encoding=encoding, knee=knee, memory_mb=memory_mb,
-        seed=seed, progress=progress,
+        sample, rank=rank, rmse=rmse, encoding=encoding, knee=knee,
+        memory_mb=memory_mb - held_mb(sample.stack), seed=seed, progress=progress,
     )  # fmt: skip
-    notes, found = sample.notes, flaws(sample.stack)
+    notes, found = (*sample.notes, *factors.notes), flaws(sample.stack)
     if found.total:
         notes += (
             f"took {found.nan} NaN and {found.negative} negative values as 0, and"
@@ -123,6 +122,7 @@ def error_figures(
     reference: BtfSample | None = None,
     *,
     rank: int | str = 40,
+    rmse: float = 0.02,
     encoding: str = "auto",
     held_out: bool = False,
     memory_mb: float = 2048,
@@ -135,6 +135,7 @@ def error_figures(
     is given without the images that it was made from.
     """
     from btfcore.btf.factor.errors import factor_errors, held_out_errors
+    from btfcore.btf.materialize import held_mb, materialize
 
     if reference is None:
         if sample.factors is not None:
@@ -142,13 +143,16 @@ def error_figures(
                 f"{sample.name}: a factorised package no longer has its images; name the sample"
                 " that it was made from with --against"
             )
-        reference = sample
+        # its images are read several times over
+        reference = sample = materialize(
+            sample, memory_mb=memory_mb / 2, progress=between(progress, 0.0, 0.3)
+        )
     else:
         _check_alike(sample, reference)
     if sample.factors is None:
         sample = with_factors(
-            sample, rank=rank, encoding=encoding, memory_mb=memory_mb,
-            progress=between(progress, 0.0, 0.6),
+            sample, rank=rank, rmse=rmse, encoding=encoding, memory_mb=memory_mb,
+            progress=between(progress, 0.3, 0.6),
         )  # fmt: skip
     factors = sample.factors
     assert factors is not None
@@ -158,6 +162,7 @@ def error_figures(
     if held_out:
         left = held_out_errors(
             reference, rank=factors.rank, encoding=factors.encoding,
+            memory_mb=memory_mb - held_mb(reference.stack),
             progress=between(progress, 0.8, 1.0),
         )  # fmt: skip
         out |= {f"held_out_{key}": value for key, value in _plain(asdict(left)).items()}

@@ -8,10 +8,12 @@ import pytest
 from btfcore import library
 from btfcore.btf.image import read_image
 from btfcore.errors import PatinaError
+from btfcore.files.package.read import read_package, read_preview
 from btfcore.mesh.reader import read_mesh
 
 FREE = ("CC0", "public domain", "CC BY", "MIT", "Apache-2.0")
-EVERYTHING = [*library.meshes(), *library.samples()]
+PICTURES = [*library.meshes(), *library.samples()]
+EVERYTHING = [*PICTURES, *library.btf_samples()]
 
 
 def credits() -> dict[str, list[str]]:
@@ -39,9 +41,36 @@ def test_every_credit_names_source_free_licence_and_change(name):
 
 
 def test_the_library_stays_small():
-    folder = library.resource_folder()
-    assert sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()) < 6e6
-    assert all(path.stat().st_size < 1e6 for path in EVERYTHING)
+    assert sum(path.stat().st_size for path in PICTURES) < 6e6
+    assert all(path.stat().st_size < 1e6 for path in PICTURES)
+    assert sum(path.stat().st_size for path in library.btf_samples()) <= 40e6
+
+
+def test_half_of_the_materials_have_an_imperfection():
+    materials = [read_package(path) for path in library.btf_samples()]
+    plain = [each for each in materials if each.mask is None]
+    assert len(plain) >= 6 and len(materials) - len(plain) >= 6
+
+
+@pytest.mark.parametrize("path", library.btf_samples(), ids=lambda path: path.name)
+def test_every_material_is_a_btf_that_changes_with_light_and_view(path):
+    material = read_package(path)
+    assert material.factors.rank >= 12 and material.images == 81 * 81
+    assert material.licence == "CC0" and material.texel_size > 0
+    assert 128 <= min(material.shape) <= max(material.shape) <= 256
+    above = material.image(0, 0)
+    aside = material.image(0, 80)
+    grazing = material.image(80, 0)
+    assert 0.02 < above.mean() < 1
+    assert aside.mean() < 0.8 * above.mean(), "light from the side is weaker"
+    assert np.abs(grazing - above).mean() > 0.005
+    assert read_preview(path).startswith(b"\x89PNG")
+    if material.mask is not None:
+        rim = np.concatenate(
+            [material.mask[0], material.mask[-1], material.mask[:, 0], material.mask[:, -1]]
+        )
+        assert 0.01 < material.mask.mean() < 0.5, "most of it is background"
+        assert material.mask.max() > 0.9 and rim.max() < 0.1, "the feature lies well inside"
 
 
 @pytest.mark.parametrize("path", library.meshes(), ids=lambda path: path.name)

@@ -84,6 +84,42 @@ def test_a_raw_package_factorises_to_what_was_baked_at_once(maps, package, tmp_p
     assert 0 < figures["srgb_rmse"] < 0.05 and figures["rank"] == 12
 
 
+def test_a_package_says_itself_how_it_is_decoded(maps, tmp_path):
+    """Only what the manifest's text says is used here, none of our own readers."""
+    from zipfile import ZipFile
+
+    from safetensors.numpy import load
+
+    for name in ("linear", "sqrt", "log", "logluma"):
+        path = tmp_path / f"{name}.btfz"
+        patina(
+            "sample", "factorize", maps, "-o", path, "--layout", "4x2x4x2", "--size", "12",
+            "--rank", "9", "--encoding", name, "--knee", "0.2",
+        )  # fmt: skip
+        with ZipFile(path) as archive:
+            tensors = load(archive.read("factors.safetensors"))
+            manifest = json.loads(archive.read("manifest.json"))
+        assert "decode undoes the encoding" in manifest["conventions"]
+        weights, basis = (tensors[key].astype(np.float64) for key in ("weights", "basis"))
+        code, number = manifest["encoding"], 37
+        c = np.einsum("hwk,ck->hwc", weights, basis[number]) + tensors["mean"][number]
+        if name == "linear":
+            x = np.maximum(c, 0)
+        elif name == "sqrt":
+            x = np.maximum(c, 0) ** 2
+        elif name == "log":
+            x = np.maximum(np.exp(c) - code["epsilon"], 0)
+        else:
+            y = np.exp(c[..., 0])
+            red, blue = c[..., 1] * y, c[..., 2] * y
+            green = (y - 0.2126 * red - 0.0722 * blue) / 0.7152
+            x = np.maximum(np.stack([red, green, blue], axis=-1) - code["epsilon"], 0)
+        knee = code["knee"]
+        x = np.where(x > knee, knee * np.exp(x / knee - 1), x)
+        ours = open_sample(path).image(*divmod(number, len(manifest["lights"])))
+        assert np.abs(x - ours).max() < 1e-5
+
+
 def test_errors_fall_with_the_rank(maps):
     found = [
         json.loads(
@@ -152,7 +188,13 @@ def test_converted_samples_open_again(package, tmp_path, name):
         (("errors", "{package}"), "--against"),
         (("convert", "{package}", "-o", "{out}.exr"), "is written as"),
         (("preview", "{package}", "-o", "{out}.png", "--views", "95,0"), "95,0"),
+        (("preview", "{package}", "-o", "{out}.png", "--exposure", "nan"), "exposure of nan"),
         (("info", "{maps}", "--layout", "spiral"), "spiral"),
+        (("bake", "{maps}", "-o", "{out}.btfz", "--memory", "-5"), "memory of -5"),
+        (("bake", "{maps}", "-o", "{out}.btfz", "--rank", "1000000000"), "1000000000"),
+        (("bake", "{maps}", "-o", "{out}.btfz", "--rmse", "0"), "RMSE of 0"),
+        (("bake", "{maps}", "-o", "{out}.btfz", "--encoding", "zip"), "zip"),
+        (("convert", "{package}", "-o", "{package}"), "the same file"),
     ],
 )
 def test_wrong_requests_end_in_one_line(package, maps, tmp_path, words, message):
@@ -160,6 +202,14 @@ def test_wrong_requests_end_in_one_line(package, maps, tmp_path, words, message)
     with pytest.raises(PatinaError, match=message):
         patina("sample", *(word.format(**places) for word in words))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_wanted_error_that_is_not_reached_is_told(maps, tmp_path, monkeypatch):
+    monkeypatch.setattr("btfcore.btf.factor.svd.CAP", 2)
+    out = tmp_path / "a.btfz"
+    words = ("--layout", "4x2x4x2", "--rank", "auto", "--rmse", "0.00001")
+    assert "not the 1e-05" in patina("sample", "bake", maps, "-o", out, *words)
+    assert any("not the 1e-05" in note for note in read_package(out).notes)
 
 
 def test_a_sphere_is_decorated_with_a_package(package, tmp_path):

@@ -169,7 +169,7 @@ class _Tile(QStyledItemDelegate):
 
 def readable(path: Path) -> str:
     """Turn a file's name into words."""
-    return path.stem.replace("_", " ")
+    return path.stem.replace("_", " ").replace("-", " ")
 
 
 def pixmap(image: U1) -> QPixmap:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import shutil
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from btfcore.btf.sample import BtfSample
 from btfcore.btf.stack import LARGEST_HALF, ArrayStack, ImageStack, block_size
+from btfcore.errors import OutputFailed
 from btfcore.progress import Progress, silent
 from btfcore.types import F4, I8
 
@@ -47,27 +49,64 @@ def materialize(
     Stacks that are not dear are left alone. Others are read once: into memory as f4 where
     that fits into `memory_mb` MiB, as half floats where only those fit, else into an unnamed
     temporary file of half floats that vanishes with the sample. Half floats are scaled per
-    image so that nothing overflows; they are exact to 5e-4 of the value.
+    image so that nothing overflows; they are exact to 5e-4 of the value. Raises
+    `OutputFailed` where the temporary folder is full.
     """
     stack = sample.stack
     if not stack.dear:
         return sample
     values = int(np.prod(stack.shape)) * 3
     full = values * 4 <= memory_mb * 2**20
-    images: NDArray[Any]
+    shape = (*stack.shape, 3)
+    images: NDArray[Any] | None = None
+    file: IO[bytes] | None = None
     if full or values * 2 <= memory_mb * 2**20:
-        images = np.empty((*stack.shape, 3), np.float32 if full else np.float16)
+        images = np.empty(shape, np.float32 if full else np.float16)
     else:
-        file = tempfile.TemporaryFile(prefix="patina-")
-        images = np.memmap(file, np.float16, "w+", shape=(*stack.shape, 3))
+        file = _temporary(sample.name, values * 2)
     scale = None if full else np.ones(stack.shape[0], np.float32)
-    for numbers in blocks(stack):
+    for numbers in blocks(stack, block_mb=min(BLOCK_MB, max(1.0, memory_mb / 8))):
         block = stack.read(numbers)
         if scale is not None:
             scale[numbers], block = halved(block)
-        images[numbers[0] : numbers[-1] + 1] = block
+        if images is not None:
+            images[numbers[0] : numbers[-1] + 1] = block
+        elif file is not None:  # written, not mapped: pages of a map would count as memory
+            _append(file, np.ascontiguousarray(block, np.float16), sample.name)
         progress((numbers[-1] + 1) / stack.shape[0], "reading images")
+    if file is not None:
+        images = np.memmap(file, np.float16, "r", shape=shape)
+    assert images is not None
     return replace(sample, stack=ArrayStack(images, scale=scale, sound=True))
+
+
+def _temporary(name: str, size: int) -> IO[bytes]:
+    """Open a file without a name that has room for `size` bytes."""
+    folder = tempfile.gettempdir()
+    room = shutil.disk_usage(folder).free
+    if size > room:
+        raise OutputFailed(
+            f"{name}: its images take {size / 1e9:.1f} GB, but the temporary folder {folder} has"
+            f" room for {room / 1e9:.1f} GB"
+        )
+    return tempfile.TemporaryFile(prefix="patina-")
+
+
+def _append(file: IO[bytes], block: NDArray[np.float16], name: str) -> None:
+    try:
+        file.write(block.data)
+        file.flush()
+    except OSError as error:
+        raise OutputFailed(
+            f"{name}: the temporary folder {tempfile.gettempdir()} cannot take its images:"
+            f" {error.strerror or error}"
+        ) from error
+
+
+def held_mb(stack: ImageStack) -> float:
+    """Return how many MiB of memory a stack's images take up; mapped files take none."""
+    images = stack.images if isinstance(stack, ArrayStack) else None
+    return 0.0 if images is None or isinstance(images, np.memmap) else images.nbytes / 2**20
 
 
 def halved(block: F4) -> tuple[F4, F4]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 
 from btfcore.btf.pbr import PbrSet
 from btfcore.btf.sample import BtfSample
-from btfcore.errors import InvalidBtf, InvalidParameter
+from btfcore.errors import InvalidParameter
 from btfcore.progress import Progress, silent
 from btfcore.types import F8
 
@@ -32,16 +31,19 @@ def open_sample(
 
     Our packages (.btfz); Bonn binaries (DFMF, FMF, PVF, BDI); folders and zips of images with
     Bonn names; image folders with a directions table (.lp, .csv, or the folder that holds
-    one); PTM files and folders; PBR texture sets (folder or zip), which are baked at `layout`
-    (`btfcore.btf.directions.layout`, or a file of directions) and at most `size` texels a
-    side; and single images, which are BTFs of one view and one light. The kind is told by
-    content and names, see `kind_of`.
+    one); PTM files and folders, evaluated under the lights of `layout`
+    (`btfcore.btf.directions.layout`, or a file of directions); PBR texture sets (folder or
+    zip), which are baked at `layout` and at most `size` texels a side; and single images,
+    which are BTFs of one view and one light. The kind is told by content and names, see
+    `btfcore.files.sample_kind.find_sample`.
 
     Raises `InvalidBtf`, `InvalidImage`, `GuardedFailure` or `InvalidParameter`; messages begin
     with the file's name.
     """
-    path = Path(path)
-    kind = kind_of(path)
+    from btfcore.files.sample_kind import find_sample
+
+    found = find_sample(Path(path))
+    kind, path = found.kind, found.path
     if kind == "package":
         from btfcore.files.package.read import read_package
 
@@ -53,7 +55,7 @@ def open_sample(
     if kind == "ptm":
         from btfcore.btf.readers.ptm import read_ptm
 
-        return read_ptm(path)
+        return read_ptm(path, lights=directions_of(layout)[1])
     if kind == "named":
         from btfcore.btf.readers.bonn_names import read_named_images
 
@@ -82,16 +84,50 @@ def open_pbr(
 def read_pbr_sized(path: str | Path, size: int | None = None) -> PbrSet:
     """Read a PBR set, its longer edge reduced to `size` texels (128 unless told).
 
-    The maps are read at up to 512 texels first, and the depth of the relief is fitted there:
-    small maps tell less about it. Raises `InvalidParameter` for a size out of 1 … 8192.
+    path : a folder, a zip, or one of the maps, which tells which set of its folder is meant; a
+    lone image is taken as the albedo map of a flat material. The maps are read at up to 512
+    texels first, and the depth of the relief is fitted there: small maps tell less about it.
+    Raises `InvalidParameter` for a size out of 1 … 8192.
     """
     from btfcore.btf.bake.maps import resized
-    from btfcore.btf.readers.pbr_files import read_pbr
 
     size = DEFAULT_SIZE if size is None else size
     if not 1 <= size <= LARGEST_SIZE:
         raise InvalidParameter(f"a size of {size} texels, outside 1 … {LARGEST_SIZE}")
-    found = read_pbr(Path(path), size=max(size, FITTING_SIZE))
+    found = _read_maps(Path(path), max(size, FITTING_SIZE))
+    return found if max(found.shape) <= size else resized(found, size)
+
+
+def _read_maps(path: Path, size: int) -> PbrSet:
+    from btfcore.btf.readers.decode import IMAGES
+    from btfcore.btf.readers.entries import Entry
+    from btfcore.btf.readers.listing import list_files
+    from btfcore.btf.readers.pbr_files import read_pbr
+    from btfcore.btf.readers.pbr_names import grouped, named
+
+    single = path.suffix.lower() in IMAGES and path.is_file()
+    folder = path.absolute().parent if single else path
+    if single or path.is_dir():
+        images = list_files(folder).ending(*IMAGES)
+        if single:
+            group = named(Entry(path.name, 0)).group
+            if group in grouped([image for image in images if "/" not in image.name]):
+                return read_pbr(folder, size=size, name=group)
+            return _flat_set(path, size)
+        if len(images) == 1:
+            return _flat_set(path / images[0].name, size)
+    return read_pbr(path, size=size)
+
+
+def _flat_set(path: Path, size: int) -> PbrSet:
+    """Take one image as the albedo of a flat material."""
+    from btfcore.btf.bake.maps import resized
+    from btfcore.btf.readers.picture import read_picture
+
+    picture = read_picture(path)
+    notes = (*picture.notes, "one map alone was taken as the albedo of a flat material")
+    albedo = np.clip(picture.image(0, 0), 0, 1)
+    found = PbrSet(picture.name, albedo, tiles=False, origin=path.name, notes=notes)
     return found if max(found.shape) <= size else resized(found, size)
 
 
@@ -106,70 +142,13 @@ def directions_of(layout: str | Path) -> tuple[F8, F8]:
 
 
 def kind_of(path: Path) -> str:
-    """Return the kind of sample that `path` holds.
+    """Return the kind of sample that `path` holds, see `btfcore.files.sample_kind.find_sample`.
 
-    One of "package", "bonn", "ptm", "named", "table", "pbr" and "image". Raises `InvalidBtf`
-    where there is nothing, or a folder or zip that holds no sample.
+    One of "package", "bonn", "ptm", "named", "table", "pbr" and "image".
     """
-    try:
-        if not path.exists():
-            raise InvalidBtf(f"{path.name}: there is no such file or folder in {path.parent}")
-        head = b"" if path.is_dir() else _head(path)
-    except (OSError, ValueError) as error:  # ValueError: a name with a null character
-        raise InvalidBtf(f"{path.name!r}: cannot be opened: {error}") from error
-    from btfcore.btf.readers.bonn_names import looks_like_named_images
-    from btfcore.btf.readers.pbr_files import looks_like_pbr
-    from btfcore.btf.readers.ptm import looks_like_ptm
-    from btfcore.btf.readers.table import looks_like_table
+    from btfcore.files.sample_kind import find_sample
 
-    if head[:1] == b"!":
-        from btfcore.btf.bonn.reader import is_bonn
-
-        if is_bonn(head):
-            return "bonn"
-    if looks_like_ptm(path):
-        return "ptm"
-    if path.is_dir() or head[:4] in (b"PK\3\4", b"PK\5\6") or path.suffix.lower() == ".zip":
-        return _container(path, looks_like_named_images, looks_like_table, looks_like_pbr)
-    if looks_like_table(path):
-        return "table"
-    return "image"
-
-
-def _container(
-    path: Path,
-    named: Callable[[Path], bool],
-    table: Callable[[Path], bool],
-    pbr: Callable[[Path], bool],
-) -> str:
-    """Kind of a folder or zip."""
-    from btfcore.files.package.read import is_package
-
-    if not path.is_dir() and (path.suffix.lower() == ".btfz" or is_package(path)):
-        return "package"
-    for kind, test in (("named", named), ("table", table), ("pbr", pbr)):
-        if test(path):
-            return kind
-    what = "folder" if path.is_dir() else "zip"
-    raise InvalidBtf(
-        f"{path.name}: the {what} holds no sample: no images named by their angles"
-        " (tl… pl… tv… pv…), no table of directions (.lp, .csv), and no albedo or colour map"
-        " of a PBR set"
-    )
-
-
-def _head(path: Path) -> bytes:
-    if not path.is_file():
-        raise InvalidBtf(f"{path.name}: this is no regular file")
-    with path.open("rb") as stream:
-        head = stream.read(64)
-    if not head:
-        raise InvalidBtf(f"{path.name}: the file is empty (0 bytes)")
-    if head.startswith(b"version https://git-lfs"):
-        raise InvalidBtf(
-            f"{path.name}: this is a Git LFS pointer, not the sample itself: run `git lfs pull`"
-        )
-    return head
+    return find_sample(path).kind
 
 
 def check_sample_output(path: Path) -> None:

@@ -1,12 +1,14 @@
 """What stacks read is linear radiance, whatever they keep; materialising changes no image."""
 
+from collections import namedtuple
+
 import numpy as np
 import pytest
 
 from btfcore.btf.colour import linear_to_srgb, srgb_to_linear, xyz_to_linear
-from btfcore.btf.materialize import Flaws, blocks, flaws, materialize
+from btfcore.btf.materialize import Flaws, blocks, flaws, held_mb, materialize
 from btfcore.btf.stack import ArrayStack, block_size
-from btfcore.errors import Cancelled, InvalidBtf
+from btfcore.errors import Cancelled, InvalidBtf, OutputFailed
 from tests.btf.bricks import images, sample
 
 
@@ -112,3 +114,17 @@ def test_materialising_can_be_cancelled():
 
     with pytest.raises(Cancelled):
         materialize(sample(stack=Dear(images())), progress=stop)
+
+
+def test_images_that_do_not_fit_into_memory_take_none():
+    dear = Dear(images())
+    kept = materialize(sample(stack=dear), memory_mb=0)
+    assert isinstance(kept.stack.images, np.memmap) and held_mb(kept.stack) == 0
+    assert held_mb(materialize(sample(stack=Dear(images()))).stack) == dear.stored.nbytes / 2**20
+
+
+def test_a_full_temporary_folder_is_told(monkeypatch):
+    usage = namedtuple("usage", "total used free")
+    monkeypatch.setattr("shutil.disk_usage", lambda _: usage(9, 9, 0))
+    with pytest.raises(OutputFailed, match="random: its images take"):
+        materialize(sample(stack=Dear(images())), memory_mb=0)

@@ -17,7 +17,7 @@ from btfcore.btf.sample import Encoding
 from btfcore.btf.stack import ImageStack
 from btfcore.types import F4
 
-BLOCK_MB = 48.0
+BLOCK_MB = 32.0
 READ_MB = 4.0  # of f4 at once: reading may need several times that for a moment
 _READS = 6  # that several
 _NOTHING = np.empty((0, 0, 0), np.float32)

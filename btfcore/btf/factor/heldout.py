@@ -83,9 +83,10 @@ def held_out_errors(
     if sample.is_image:
         raise InvalidBtf(f"{sample.name}: one image has nothing to factorise")
     stay, out = held_out(sample.shape, share=share, seed=seed)
+    room = memory_mb / 2 if sample.stack.dear else memory_mb
     sample = materialize(sample, memory_mb=memory_mb / 2, progress=between(progress, 0, 0.2))
     factors = factorize(
-        _only(sample, stay), rank=rank, encoding=encoding, seed=seed, memory_mb=memory_mb,
+        _only(sample, stay), rank=rank, encoding=encoding, seed=seed, memory_mb=room,
         progress=between(progress, 0.2, 0.6),
     )  # fmt: skip
     apart = _only(sample, out)
@@ -108,13 +109,13 @@ def projected(sample: BtfSample, factors: BtfFactors, *, progress: Progress = si
         coded = encode(sample.stack.read(numbers), factors.encoding)
         coded = coded.reshape(len(numbers), -1, 3) - factors.mean[numbers, None]
         flat = np.ascontiguousarray(coded.transpose(1, 0, 2)).reshape(height * width, -1)
-        basis = factors.basis[numbers].reshape(-1, factors.rank).astype(np.float64)
+        basis = factors.basis[numbers].reshape(3 * len(numbers), factors.rank).astype(np.float64)
         turned(flat, basis, part)
         weights += part
         progress((numbers[-1] + 1) / sample.images, "projecting")
     return replace(
         factors,
-        weights=weights.astype(np.float32).reshape(height, width, -1),
+        weights=weights.astype(np.float32).reshape(height, width, factors.rank),
         error=float("nan"),
     )
 

@@ -20,8 +20,8 @@ def optimal_errors(
     """Relative L2 errors in coded values (len(ranks),) of the best factors of each rank.
 
     centred : take the means over texels off first, as `factorize` does; they count as value.
-    All in f8 and in memory. Raises `InvalidParameter` where texels and columns are both more
-    than 4096.
+    All in f8 and in memory, from the smaller Gram matrix: exact down to errors of 1e-7.
+    Raises `InvalidParameter` where texels and columns are both more than 4096.
     """
     images, height, width = sample.stack.shape
     small = min(height * width, images * 3)
@@ -35,6 +35,7 @@ def optimal_errors(
     total = float((matrix**2).sum())
     if centred:
         matrix = matrix - matrix.mean(axis=0)
-    values = np.linalg.svd(matrix, compute_uv=False)
-    lost = np.array([(values[rank:] ** 2).sum() for rank in ranks])
+    gram = matrix @ matrix.T if len(matrix) <= matrix.shape[1] else matrix.T @ matrix
+    energy = np.maximum(np.linalg.eigvalsh(gram)[::-1], 0)
+    lost = np.array([energy[rank:].sum() for rank in ranks])
     return np.sqrt(lost / total) if total > 0 else np.zeros(len(ranks))

@@ -31,7 +31,7 @@ def plan(name: str, stack: ImageStack, *, width: int, rank: int, memory_mb: floa
     fixed = (factors + results) / 2**20 + reading_mb(stack) + _FIXED_MB
     image = texels * 12 / 2**20  # coded
     least = fixed + 2 * image
-    if memory_mb < least:
+    if not memory_mb >= least:  # neither is NaN
         raise InvalidParameter(
             f"{name}: {memory_mb:g} MiB of memory, where {width} columns of {height * columns}"
             f" texels and {count} images need {least:.0f}"

@@ -36,7 +36,7 @@ class FactorStack:
         checked(factors.encoding)
         self.factors = factors
         self._shape = (count, height, width)
-        maps = factors.weights.reshape(-1, rank).T
+        maps = factors.weights.reshape(height * width, rank).T
         # the mean as one factor more, whose map is 1 everywhere
         self._rows = np.ones((rank + 1, height * width), np.float32)
         self._rows[:rank] = maps

@@ -17,9 +17,15 @@ MOST_DIRECTIONS = 1 << 14
 CONVENTIONS = (
     "Row 0 is on top. Directions are unit vectors away from the surface in the frame s = +column,"
     " t = -row, n = normal. Radiance is linear Rec. 709, HDR. Tensors are safetensors, stored"
-    " uncompressed; images are (image, row, column, colour). A factorised image is"
-    " decode(sum over k of weights[row, column, k] * basis[image, colour, k]"
-    " + mean[image, colour])."
+    " uncompressed. View v under light l is image index[v, l] (-1: there is none), or without that"
+    " tensor v * (number of lights) + l. An image is images[image, row, column, colour], times"
+    " scale[image] where there is that tensor; or, factorised, decode(sum over k of"
+    " weights[row, column, k] * basis[image, colour, k] + mean[image, colour]). decode undoes the"
+    " encoding of this manifest, e being its epsilon and c a code: linear: x = max(c, 0); sqrt:"
+    " x = max(c, 0)^2; log: x = max(exp(c) - e, 0); logluma: the three codes are log Y, R / Y and"
+    " B / Y, where Y = 0.2126 R + 0.7152 G + 0.0722 B, and the colours x are R - e, G - e and"
+    " B - e, at least 0. Then, where there is a knee k, any x > k becomes k * exp(x / k - 1)."
+    " mask: the feature, 65535 where it is whole."
 )
 
 _Text = Annotated[str, Field(max_length=4096)]

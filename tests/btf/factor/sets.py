@@ -77,7 +77,9 @@ def material(size=16, *, shine=1.0, roughness=0.25, views=None, lights=None):
 
 def rebuilt(factors):
     """Coded values (J, 3, N) f8 that factors give."""
-    weights = factors.weights.reshape(-1, factors.rank).astype(np.float64)
-    return np.einsum("jck,xk->jcx", factors.basis.astype(np.float64), weights) + (
-        factors.mean.astype(np.float64)[:, :, None]
+    height, width, rank = factors.weights.shape
+    weights = factors.weights.reshape(height * width, rank).astype(np.float64)
+    return (
+        np.einsum("jck,xk->jcx", factors.basis.astype(np.float64), weights)
+        + (factors.mean.astype(np.float64)[:, :, None])
     )
