@@ -67,7 +67,8 @@ def contact_sheet(
 ) -> NDArray[np.uint8]:
     """Lay out measured images of samples as (h, w, 3) u8; each is the nearest to its wish.
 
-    Every cell says the angles that the image really has, not those that were asked for.
+    Every cell says the angles that the image really has, not those that were asked for; of
+    several samples the first cell of a row says the name too.
     """
     rows = [(sample, view) for sample in samples for view in sheet.views]
     width = _MARGIN + len(sheet.lights) * (sheet.cell + _MARGIN)
@@ -84,7 +85,10 @@ def contact_sheet(
             top = _MARGIN + row * (sheet.cell + _LABEL + _MARGIN)
             picture = _fitted(sample.image(*pair), sheet)
             page.paste(picture, (left, top))
-            pen.text((left + 2, top + sheet.cell + 1), _label(sample, pair), fill=_INK)
+            label = _label(sample, pair)
+            if len(samples) > 1 and column == 0:
+                label += f"  {_plain(sample.name)}"
+            pen.text((left + 2, top + sheet.cell + 1), label[: sheet.cell // 6], fill=_INK)
     return np.asarray(page)
 
 
@@ -103,6 +107,11 @@ def _fitted(radiance: F4, sheet: Sheet) -> Image.Image:
     spare = (sheet.cell - size[0]) // 2, (sheet.cell - size[1]) // 2
     cell.paste(picture.resize(size, kind), spare)
     return cell
+
+
+def _plain(name: str) -> str:
+    """Letters that every built-in font has."""
+    return name.encode("ascii", "replace").decode()
 
 
 def _label(sample: BtfSample, pair: tuple[int, int]) -> str:

@@ -94,7 +94,10 @@ def preview(
 
 @sample_app.command()
 def bake(
-    path: Annotated[Path, typer.Argument(help="PBR texture set: folder, zip or one of its maps.")],
+    path: Annotated[
+        Path,
+        typer.Argument(help="PBR set: folder, zip or one of its maps; a lone albedo."),
+    ],
     output: Annotated[Path, typer.Option("-o", "--output", help=".btfz, .zip or .btf.")],
     layout: _Layout = "ubo81",
     size: _Size = None,
@@ -176,8 +179,12 @@ def convert(
         Path,
         typer.Option("-o", "--output", help=".btfz, .zip (Bonn names) or .btf (Bonn DFMF)."),
     ],
-    components: Annotated[int, typer.Option(help="Components a channel of a DFMF file.")] = 100,
-    images: Annotated[str, typer.Option(help="Images in a zip: exr, png or jpeg.")] = "exr",
+    components: Annotated[
+        int, typer.Option(help="Components of each channel of a .btf file.")
+    ] = 100,
+    images: Annotated[
+        str, typer.Option(help="Images in a zip: exr, exr-float, hdr, png, jpeg.")
+    ] = "exr",
     raw: Annotated[bool, typer.Option(help="Write a package's images, not its factors.")] = False,
     layout: _Layout = "ubo81",
     size: _Size = None,
@@ -290,6 +297,8 @@ def _show(figures: dict[str, Any], as_json: bool) -> None:
         return
     width = max(len(key) for key in figures)
     for key, value in figures.items():
+        if isinstance(value, list) and not all(isinstance(line, str) for line in value):
+            value = ", ".join(str(number) for number in value)
         lines = value if isinstance(value, list) else [value]
         for place, line in enumerate(lines):
             say(f"{key if place == 0 else '':<{width}}  {line}")

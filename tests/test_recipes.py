@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
 from btfcore.btf.bake.build import baked
+from btfcore.btf.factor.stack import FactorStack
 from btfcore.btf.pbr import PbrSet
+from btfcore.btf.sample import BtfSample, full_index
 from btfcore.btf.stack import ArrayStack
 from btfcore.files.package.read import read_package
 from resources.recipes.binned import BinnedStack, binned
@@ -16,6 +19,7 @@ from resources.recipes.blots import blots
 from resources.recipes.book import RECIPES
 from resources.recipes.canvas import Canvas
 from resources.recipes.cells import cells, distance, grown, scatter, signed
+from resources.recipes.emphasis import RepeatedStack, emphasised
 from resources.recipes.make import SAMPLES
 from resources.recipes.noise import mix, noise, step, warp
 from resources.recipes.paths import dense, weakest
@@ -161,6 +165,38 @@ def test_binned_images_are_means_and_bake_the_same_light():
     assert small.mask.mean() == pytest.approx(sample.mask.mean(), rel=1e-5)
     assert small.image(0, 0).mean() == pytest.approx(sample.image(0, 0).mean(), rel=1e-5)
     assert binned(sample, 1) is sample
+
+
+def test_repeated_texels_stand_below_the_picture():
+    images = np.random.default_rng(2).random((3, 4, 6, 3)).astype(np.float32)
+    texels = np.array([3, 7, 23, 3, 7, 23])
+    stack = RepeatedStack(ArrayStack(images), texels)
+    assert stack.shape == (3, 5, 6)
+    read = stack.read([2, 0])
+    np.testing.assert_array_equal(read[:, :4], images[[2, 0]])
+    np.testing.assert_array_equal(read[:, 4], images.reshape(3, 24, 3)[[2, 0]][:, texels])
+
+
+def test_emphasis_serves_the_feature_at_the_cost_of_the_plain_texels():
+    rng = np.random.default_rng(3)
+    images = rng.random((20, 16, 16, 3)).astype(np.float32)
+    mask = np.zeros((16, 16), np.float32)
+    mask[5:9, 6:10] = 1
+    up = np.array([[0.0, 0.0, 1.0]])
+    around = np.linspace(0, 2 * np.pi, 20, endpoint=False)
+    lights = np.stack([0.6 * np.cos(around), 0.6 * np.sin(around), np.full(20, 0.8)], 1)
+    sample = BtfSample("s", ArrayStack(images), up, lights, full_index(1, 20), mask=mask)
+
+    def errors(factors):
+        gap = (FactorStack(factors).read(np.arange(20)) - images) ** 2
+        return gap[:, mask > 0.5].mean(), gap[:, mask <= 0.5].mean()
+
+    plain = errors(emphasised(sample, rank=6, times=0))
+    strong = errors(emphasised(sample, rank=6, times=5))
+    assert strong[0] < 0.8 * plain[0]
+    assert plain[1] < strong[1] < 1.3 * plain[1]
+    bare = errors(emphasised(replace(sample, mask=None), rank=6))
+    assert bare == plain
 
 
 def test_noise_is_normal_and_keeps_to_its_wavelengths():

@@ -11,6 +11,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from btfcore.btf.factor.mapped import release
 from btfcore.btf.sample import BtfSample
 from btfcore.btf.stack import LARGEST_HALF, ArrayStack, ImageStack, block_size
 from btfcore.errors import OutputFailed
@@ -128,6 +129,7 @@ def flaws(stack: ImageStack) -> Flaws:
     if isinstance(stack, ArrayStack) and not stack.sound:
         for numbers in blocks(stack):
             values = stack.raw(numbers)
+            release(stack)
             nan += int(np.isnan(values).sum())
             infinite += int(np.isinf(values).sum())
             negative += int(((values < 0) & np.isfinite(values)).sum())

@@ -51,6 +51,7 @@ def _encoded(values: NDArray[Any], ending: str, kind: str, settings: dict[str, s
         spec.attribute(key, value)
     if ending == "exr":
         spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), _REC709)
+        spec.attribute("DateTime", "1980:01:01 00:00:00")  # not the clock: same image, same bytes
     with TemporaryDirectory(prefix="patina-") as folder:  # OpenImageIO writes to named files only
         path = Path(folder) / f"image.{ending}"
         target = oiio.ImageOutput.create(str(path))

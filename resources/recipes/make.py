@@ -11,7 +11,6 @@ from pathlib import Path
 from btfcore.btf.bake.build import baked
 from btfcore.btf.directions import layout
 from btfcore.btf.factor.errors import FactorErrors, factor_errors
-from btfcore.btf.factor.svd import factorize
 from btfcore.btf.materialize import materialize
 from btfcore.btf.sample import BtfSample
 from btfcore.files.package.read import read_package
@@ -19,6 +18,7 @@ from btfcore.files.package.write import write_package
 from btfcore.files.samples import thumbnail
 from resources.recipes.binned import binned
 from resources.recipes.book import RECIPES, Recipe
+from resources.recipes.emphasis import emphasised
 from resources.recipes.sheet import looks, write_sheet
 
 SAMPLES = Path(__file__).resolve().parents[1] / "samples"
@@ -40,9 +40,10 @@ def packed(
 ) -> tuple[Path, FactorErrors]:
     """Write a recipe's package; return its path and the errors of its factors."""
     sample = sample_of(recipe, directions=directions, detail=detail)
-    factors = factorize(sample, rank=rank, memory_mb=_WORK_MB)
+    factors = emphasised(sample, rank=rank, memory_mb=_WORK_MB)
     errors = factor_errors(sample, factors, every=_MEASURED)
-    whole = replace(sample, factors=factors)
+    # With an emphasis, the factorisation's own figure is that of the repeated texels too.
+    whole = replace(sample, factors=replace(factors, error=errors.rel_l2_coded))
     folder.mkdir(parents=True, exist_ok=True)
     path = write_package(folder / f"{recipe.name}.btfz", whole, preview=thumbnail(sample))
     return path, errors

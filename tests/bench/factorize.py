@@ -135,9 +135,9 @@ def encodings(sample: BtfSample, *, quick: bool) -> Iterator[Encoding]:
     above = choose_knee(sample.stack).above
     yield from (Encoding("linear"), Encoding("linear", knee=above))
     yield from (Encoding("sqrt"), Encoding("sqrt", knee=above))
-    yield from (Encoding("log", epsilon) for epsilon in (1e-3, 0.01, EPSILON, 0.1))
+    yield from (Encoding("log", epsilon) for epsilon in (1e-3, 0.01, 0.03, 0.1))
     yield Encoding("log", EPSILON, above)
-    yield from (Encoding("logluma", epsilon) for epsilon in (0.01, EPSILON))
+    yield from (Encoding("logluma", epsilon) for epsilon in (0.01, 0.03))
 
 
 def codes(samples: list[BtfSample], *, every: int, quick: bool) -> list[Code]:

@@ -13,7 +13,7 @@ from btfcore.errors import InvalidParameter
 from btfcore.types import F4
 
 NAMES = ("linear", "sqrt", "log", "logluma")
-EPSILON = 0.03  # of the logarithms, unless an `Encoding` says otherwise; see docs/decisions/0014
+EPSILON = 0.01  # of the logarithms, unless an `Encoding` says otherwise; see docs/decisions/0014
 _LEAST = 1e-12  # of an epsilon: far above subnormals, far below any radiance that matters
 _MOST = 1e30
 

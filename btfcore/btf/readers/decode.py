@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from btfcore.btf.readers.entries import Entry
 from btfcore.btf.readers.listing import FileSet
 from btfcore.btf.readers.members import read_bytes
 from btfcore.btf.readers.reduce import area_reduced
-from btfcore.errors import GuardedFailure, InvalidImage, PatinaError
+from btfcore.errors import Cancelled, GuardedFailure, InvalidImage, PatinaError
 from btfcore.guard import Arrays, Options, run_guarded
 from btfcore.progress import Progress, silent
 
@@ -74,10 +75,19 @@ def decode_images(
     half = len(jobs) // 2
     if len(jobs) < _WORTH_TWO:
         return _run(files, jobs, settings, limit_mb, progress)
+    stop = Event()
+
+    def watched(fraction: float, label: str) -> None:
+        if stop.is_set():
+            raise Cancelled
+
     with ThreadPoolExecutor(2) as pool:  # each thread only waits for a child
-        second = pool.submit(_run, files, jobs[half:], settings, limit_mb, silent)
-        first = _run(files, jobs[:half], settings, limit_mb, progress)
-        return first + second.result()
+        second = pool.submit(_run, files, jobs[half:], settings, limit_mb, watched)
+        try:
+            first = _run(files, jobs[:half], settings, limit_mb, progress)
+            return first + second.result()
+        finally:
+            stop.set()  # an error, Cancelled or Ctrl-C here ends the other child too
 
 
 def _run(

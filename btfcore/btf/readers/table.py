@@ -50,7 +50,7 @@ def read_table(path: str | Path, *, colour: str = "auto") -> BtfSample:
         folder = given.absolute().parent
         entry = Entry(given.name, given.stat().st_size)
         table = _parsed(folder, entry)
-        return _sample(pick_files(folder, table.names), entry, table, colour)
+        return _sample(given.stem, pick_files(folder, table.names), entry, table, colour)
     files = list_files(given)
     found = files.ending(*_SUFFIXES)
     chosen = [entry for entry in found if entry.base.lower() == "directions.csv"] or found
@@ -64,7 +64,7 @@ def read_table(path: str | Path, *, colour: str = "auto") -> BtfSample:
 
 def read_listed(files: FileSet, entry: Entry, colour: str) -> BtfSample:
     """Read the images that the table `entry` of `files` names; see `read_table`."""
-    return _sample(files, entry, _parsed(files.place, entry), colour)
+    return _sample(files.name, files, entry, _parsed(files.place, entry), colour)
 
 
 def _parsed(place: Path, entry: Entry) -> Table:
@@ -72,7 +72,7 @@ def _parsed(place: Path, entry: Entry) -> Table:
     return parse(entry.name, read_bytes(place, entry, most=LARGEST_TEXT))
 
 
-def _sample(files: FileSet, entry: Entry, table: Table, colour: str) -> BtfSample:
+def _sample(name: str, files: FileSet, entry: Entry, table: Table, colour: str) -> BtfSample:
     images = _found(files, entry, table)
     try:
         conditions = arrange(table.views, table.lights, [image.name for image in images])
@@ -80,8 +80,6 @@ def _sample(files: FileSet, entry: Entry, table: Table, colour: str) -> BtfSampl
         raise InvalidBtf(f"{entry.name}: {error}") from None
     ordered = [images[number] for number in conditions.order]
     first = probed(files, ordered[0])
-    stem = entry.base[: -len(entry.suffix)]
-    name = files.name if files.archive or stem.lower() == "directions" else stem
     return BtfSample(
         name,
         ImageFiles(files, ordered, first, colour=colour),

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from btfcore.btf.factor.mapped import release
 from btfcore.btf.materialize import blocks, halved
 from btfcore.btf.sample import BtfFactors, BtfSample, full_index
 from btfcore.btf.stack import LARGEST_HALF
@@ -157,6 +158,7 @@ def _image_tensors(sample: BtfSample, full: bool, progress: Progress) -> _Tensor
             if not full:
                 scale[numbers], block = halved(block)
             yield from chunks([block.astype(dtype)])
+            release(sample.stack)
             progress(float(numbers[-1] + 1) / count, "writing images")
         if not full:
             yield from chunks([scale])

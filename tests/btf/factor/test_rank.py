@@ -14,8 +14,7 @@ from btfcore.errors import InvalidParameter
 from tests.btf.factor.sets import material, sample_of
 
 
-@pytest.mark.parametrize("goal", [0.05, 0.02, 0.008])
-@pytest.mark.parametrize("some", [5, 40, 10_000])
+@pytest.mark.parametrize(("goal", "some"), [(0.05, 40), (0.02, 5), (0.008, 10_000)])
 def test_the_fewest_factors_that_meet_the_goal_are_kept(goal, some, monkeypatch):
     monkeypatch.setattr(ranks, "SUBSET", some)
     sample = material(16)

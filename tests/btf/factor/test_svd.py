@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from btfcore.btf.factor.encoding import NAMES, encode
+from btfcore.btf.factor.encoding import EPSILON, NAMES, encode
 from btfcore.btf.factor.optimum import optimal_errors
 from btfcore.btf.factor.stack import FactorStack
 from btfcore.btf.factor.svd import factorize
@@ -171,8 +171,8 @@ def test_saturated_highlights_drown_nothing_but_in_linear(name):
 
 def test_automatic_encoding_follows_the_highlights():
     dull, shiny = material(12, shine=0.1), material(12, shine=60, roughness=0.2)
-    assert factorize(dull, rank=4).encoding == Encoding("sqrt", 0.03)
-    assert factorize(shiny, rank=4).encoding == Encoding("log", 0.03)
+    assert factorize(dull, rank=4).encoding == Encoding("sqrt", EPSILON)
+    assert factorize(shiny, rank=4).encoding == Encoding("log", EPSILON)
     assert factorize(shiny, rank=4, encoding="sqrt").encoding.knee is not None
     assert factorize(shiny, rank=4, encoding="sqrt", knee=None).encoding.knee is None
     assert factorize(dull, rank=4, encoding="sqrt", knee=0.7).encoding.knee == 0.7

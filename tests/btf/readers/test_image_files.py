@@ -14,7 +14,7 @@ from btfcore.btf.readers.decode import decode_images
 from btfcore.btf.readers.image_files import ImageFiles
 from btfcore.btf.readers.listing import list_files
 from btfcore.btf.readers.picture import looks_like_picture, read_picture
-from btfcore.errors import GuardedFailure, InvalidImage
+from btfcore.errors import Cancelled, GuardedFailure, InvalidImage
 from btfcore.files.exr import encode_exr
 from tests.btf.readers.sets import UBO, named, picture, png, to_folder, to_zip
 
@@ -134,3 +134,33 @@ def test_a_single_picture_of_any_depth(tmp_path, in_process):
     (tmp_path / "cut.png").write_bytes(png(picture(1))[:60])
     with pytest.raises(InvalidImage, match=r"^cut\.png: "):
         read_picture(tmp_path / "cut.png")
+
+
+def test_an_interruption_ends_both_children(monkeypatch, tmp_path):
+    """Decoding is interrupted in one child; the other must not be waited for to its end."""
+    import time
+
+    from btfcore.btf.readers import decode
+    from btfcore.btf.readers.entries import Entry
+    from btfcore.btf.readers.listing import FileSet
+
+    ended = []
+
+    def child(task, arrays, options, *, progress, **limits):
+        if options["jobs"][0]["name"] == "0.png":
+            time.sleep(0.05)
+            raise KeyboardInterrupt
+        for step in range(2000):
+            try:
+                progress(0.5, "reading")
+            except Cancelled:
+                ended.append(step)
+                raise
+            time.sleep(0.005)
+        return {}, {"images": []}
+
+    monkeypatch.setattr(decode, "run_guarded", child)
+    entries = tuple(Entry(f"{n}.png", 10) for n in range(30))
+    with pytest.raises(KeyboardInterrupt):
+        decode.decode_images(FileSet("set", tmp_path, False, entries), entries)
+    assert ended, "the second child ran on"

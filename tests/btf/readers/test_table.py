@@ -43,7 +43,7 @@ def test_a_light_list_is_one_view_under_its_lights(tmp_path, light_list, how):
     to_zip(zipped, {f"inner/{name}": data for name, data in files.items()})
     assert looks_like_table(where)
     sample = read_table(where)
-    assert sample.name == "rock"
+    assert sample.name == ("set" if how == "folder" else "rock")
     assert np.array_equal(sample.views, [[0, 0, 1]])
     for n, direction in enumerate(directions):
         place = int(np.linalg.norm(sample.lights - direction, axis=1).argmin())
