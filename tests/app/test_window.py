@@ -66,9 +66,9 @@ def test_an_empty_window_says_what_to_do(window):
     assert "mesh" in window.run.label.text() and "sample" in window.run.label.text()
 
 
-def test_a_package_is_shown_and_synthesised(qtbot, window, files):
+def test_a_package_is_shown_and_synthesised(qtbot, window, files, tmp_path):
     bricks = sample(factors=factors(height=40, width=40), stack=ArrayStack(images(5, 12, 40, 40)))
-    package = write_package(files / "random_material.btfz", bricks)
+    package = write_package(tmp_path / "random_material.btfz", bricks)
     window.document.set_knobs(rate=64)
     window.take([files / "ring.obj", package])
     idle(qtbot, window)
@@ -79,7 +79,7 @@ def test_a_package_is_shown_and_synthesised(qtbot, window, files):
     done = window.document.decoration
     assert (done.quilt.patch >= 0).all()
     assert done.sample.channels.shape == (40, 40, 4), "the factors are what is compared"
-    broken = files / "broken.btfz"
+    broken = tmp_path / "broken.btfz"
     broken.write_bytes(package.read_bytes()[:900])
     window.take([broken])
     idle(qtbot, window)
