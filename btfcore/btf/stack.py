@@ -88,10 +88,11 @@ class ArrayStack:
         elif block.dtype.kind == "u":
             values = block.astype(np.float32) / np.float32(np.iinfo(block.dtype).max)
         else:
-            with np.errstate(over="ignore"):
+            with np.errstate(over="ignore", invalid="ignore"):  # hostile values are mended later
                 values = block.astype(np.float32)
         if self.scale is not None:
-            values *= self.scale[chosen, None, None, None]
+            with np.errstate(over="ignore", invalid="ignore"):
+                values *= self.scale[chosen, None, None, None]
         return values
 
 
