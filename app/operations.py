@@ -288,7 +288,10 @@ def _both(canvas: Canvas, sample: Sample, quilt: Quilt) -> dict[Mode, U1]:
 
 def _thumbnails(paths: Sequence[Path], progress: Progress) -> list[SampleEntry]:
     packages = [path for path in paths if path.suffix.lower() == PACKAGE_SUFFIX]
-    entries = [_package_entry(path) for path in packages]
+    entries = []
+    for number, path in enumerate(packages):
+        progress(number / len(paths), "reading samples")  # a chance to cancel
+        entries.append(_package_entry(path))
     pictures = [path for path in paths if path not in packages]
     for path, read in zip(
         pictures, read_images(pictures, max_side=THUMBNAIL, progress=progress), strict=True

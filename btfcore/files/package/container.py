@@ -43,6 +43,7 @@ def members(path: Path) -> dict[str, Member]:
             _check_directory(stream, total, where)
             with zipfile.ZipFile(stream) as archive:
                 return _members(archive.infolist(), stream, total, where)
+    # NotImplementedError is how zipfile refuses a member that asks for a newer zip version
     except (zipfile.BadZipFile, NotImplementedError, struct.error, ValueError) as error:
         raise InvalidBtf(f"{where}: the zip is broken or cut off: {error}") from None
     except OSError as error:
