@@ -53,7 +53,9 @@ def read_mesh(
                 " can be handled: simplify the mesh first"
             )
         progress(0.6, f"repairing {file.name}")
-        mesh, notes = repair(arrays["vertices"], arrays["faces"])
+        mesh, notes = repair(
+            arrays["vertices"], arrays["faces"], progress=between(progress, 0.6, 1.0)
+        )
     except InvalidMesh as error:
         raise InvalidMesh(f"{file.name}: {error}") from error
     except GuardedFailure as error:
