@@ -18,7 +18,7 @@ from btfcore.quilt.matching import Matcher, Placement
 from btfcore.quilt.measure import seam_edges_around
 from btfcore.quilt.parameters import QuiltParameters
 from btfcore.quilt.patches import median_direction
-from btfcore.quilt.register import register
+from btfcore.quilt.register import fit_warp, warped
 from btfcore.quilt.state import QuiltState
 from btfcore.types import F4, F8
 
@@ -77,13 +77,14 @@ class CandidateFinder:
         bare = self.state.patch[patch.order[: patch.inner]] < 0
         mean = median_direction(direction[bare], direction[0])
         plane = (patch.plane[:, 0] + 1j * patch.plane[:, 1]) * mean.conjugate()
+        points = plane / self.grid.unit
+        radius = _radius(points)
         heading = float(np.angle(mean))
         best: Candidate | None = None
         for placement in self._placements(patch, plane, heading):
-            spun = plane * np.exp(1j * placement.turn) / self.grid.unit
-            place = np.empty((len(plane), 2), np.float32)
-            place[:, 0] = placement.column + spun.real
-            place[:, 1] = placement.row - spun.imag
+            warp = np.array([placement.column, placement.row, placement.turn, *placement.warp])
+            at, rotation = warped(points, warp, radius)
+            place = at.astype(np.float32)
             cut = fit(
                 net.indptr, net.indices, patch.order, patch.inner, local, place,
                 self.state.patch, self.state.source, self.state.ghost, self.grid.cut,
@@ -93,7 +94,7 @@ class CandidateFinder:
             self.cuts += 1
             score = cut.flow + running * cut.missed
             if best is None or score < best.score:
-                angle = -np.angle(direction * (mean.conjugate() * np.exp(1j * placement.turn)))
+                angle = -np.angle(direction * mean.conjugate() * rotation[: patch.inner])
                 best = Candidate(patch, cut, place, angle, score, 0.0)
         assert best is not None
         if self.parameters.max_seam is not None:
@@ -136,16 +137,23 @@ class CandidateFinder:
         found = found[: knobs.placements]
         if knobs.literal or knobs.sway == 0.0:
             return found
-        point = np.stack([plane.real, -plane.imag], axis=1)[known] / self.grid.unit
-        return [self._registered(point, values[known], placement) for placement in found]
+        points = plane / self.grid.unit
+        radius = _radius(points)
+        points, values = points[known], values[known]
+        return [self._registered(points, radius, values, placement) for placement in found]
 
-    def _registered(self, point: F8, values: F4, at: Placement) -> Placement:
-        """Shift and turn a placement by less than a texel or two, to where it fits best."""
-        column, row, turn, cost = register(
-            self.grid.match, point, values, (at.column, at.row, at.turn),
-            REACH, np.radians(self.parameters.sway), ROUNDS,
+    def _registered(self, points: C16, radius: float, values: F4, at: Placement) -> Placement:
+        """Shift, turn and slightly warp a placement to where it fits best."""
+        start = np.array([at.column, at.row, at.turn, *at.warp])
+        knobs = self.parameters
+        warp, cost = fit_warp(
+            self.grid.match, points, values, start, radius, REACH, np.radians(knobs.sway),
+            knobs.give, ROUNDS,
         )  # fmt: skip
-        return Placement(column, row, cost, turn) if np.isfinite(cost) else at
+        if not np.isfinite(cost):
+            return at
+        column, row, turn, *rest = warp.tolist()
+        return Placement(column, row, float(cost), turn, tuple(rest))
 
     def _known(self, patch: FlatPatch) -> tuple[NDArray[np.bool_], F4]:
         """Which vertices (n,) of a patch are matched, and values (n, k) of all in that space."""
@@ -174,3 +182,8 @@ class CandidateFinder:
         reach = float(np.abs(point).max()) if len(point) else 0.0
         most = max(self.grid.cut.shape[:2])
         return int(min(-(-(reach + 1) // 4) * 4, -(-most // 4) * 4))
+
+
+def _radius(points: C16) -> float:
+    """Unit of a patch's bend: the largest distance from its centre, at least one texel."""
+    return max(float(np.abs(points).max()), 1.0)

@@ -22,12 +22,16 @@ RELAXED = ((0.4, 16.0), (0.2, 4.0), (0.02, 2.0), (0.0, 0.0))
 
 @dataclass(frozen=True)
 class Placement:
-    """Where the patch's centre lands: (column, row) in grid texels, and the mean SSD there."""
+    """Where the patch's centre lands: (column, row) in grid texels, and the mean SSD there.
+
+    turn: radians that the patch is turned by first; warp: the rest of `register.warped`.
+    """
 
     column: float
     row: float
     cost: float
     turn: float = 0.0
+    warp: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Matcher:

@@ -27,6 +27,8 @@ class QuiltParameters:
         turning field; 0 keeps patches as isometric as they were flattened.
     sway : degrees within which registration may turn a placement besides shifting it by
         fractions of a texel; 0 leaves whole texels.
+    give : by how much registration may stretch, shear and bend a placement, as a share of
+        its lengths; 0 keeps placements rigid.
     swing : orientations of the sample tried around the field's, in degrees.
     ahead : how many levels ahead of the frontier a patch is centred; None: half of r_w.
     band : width in levels of the overlap that may be cut.
@@ -48,6 +50,7 @@ class QuiltParameters:
     placements: int = 4
     swing: tuple[float, ...] = (0.0,)
     sway: float = 2.0
+    give: float = 0.08
     ahead: int | None = None
     band: int = 20
     match_band: int = 14
@@ -63,6 +66,7 @@ class QuiltParameters:
         _within("placements", self.placements, 1, 64)
         _within("bend", self.bend, 0.0, 0.5)
         _within("sway", self.sway, 0.0, 45.0)
+        _within("give", self.give, 0.0, 0.3)
         _within("overlap", self.overlap, 0.0, 1.0)
         _within("seed", self.seed, 0, 2**32 - 1)
         if self.work_patch is not None:
