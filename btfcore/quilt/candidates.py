@@ -132,7 +132,8 @@ class CandidateFinder:
         if not found:
             height, width = self.grid.cut.shape[:2]
             x, y = 0.35 + 0.3 * self._random.random(2)
-            return [Placement(float(x * (width - 1)), float(y * (height - 1)), 0.0)]
+            # whole texels: what is copied verbatim stays as sharp as the sample
+            return [Placement(float(round(x * (width - 1))), float(round(y * (height - 1))), 0.0)]
         found.sort(key=lambda placement: placement.cost)
         found = found[: knobs.placements]
         if knobs.literal or knobs.sway == 0.0:
