@@ -65,7 +65,9 @@ def measure_plane(sample: F4, output: F4) -> PlanarMeasures:
 
 def _check(image: F4, name: str, least: int) -> None:
     if image.ndim != 3 or min(image.shape[:2]) < least:
-        raise InvalidImage(f"{name} has the shape {image.shape}; it takes {least} x {least} at least")
+        raise InvalidImage(
+            f"{name} has the shape {image.shape}; it takes {least} x {least} at least"
+        )
 
 
 def nearest_patches(sample: F4, output: F4) -> tuple[F8, I8]:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import importlib
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
 from btfcore.types import F4, DenseMesh, Field, Sample
 from tests.bench.inputs import find
 
 SIDE = 128
+U1 = NDArray[np.uint8]
 NAMES = ("brick", "gravel")
 
 
@@ -40,9 +43,9 @@ def pictures() -> tuple[dict[str, Image.Image], str]:
     return found, "pictures of resources/textures, to which the quoted figures do not apply"
 
 
-def _scikit_image(name: str) -> F4 | None:
+def _scikit_image(name: str) -> U1 | None:
     try:
-        from skimage import data
+        data = importlib.import_module("skimage.data")
     except ImportError:
         return None
     return np.asarray(getattr(data, name)())
