@@ -109,7 +109,7 @@ def copied_side(nearest: I8) -> float:
     by one pixel at most.
     """
     rows, columns = nearest.shape[:2]
-    offset = nearest - STRIDE * np.stack(np.mgrid[:rows, :columns], axis=-1)
+    offset = nearest - STRIDE * np.moveaxis(np.indices((rows, columns)), 0, -1)
     names = np.arange(rows * columns).reshape(rows, columns)
     down = np.abs(np.diff(offset, axis=0)).max(axis=2) <= 1
     across = np.abs(np.diff(offset, axis=1)).max(axis=2) <= 1
