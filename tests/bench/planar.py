@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.fft
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -21,6 +20,7 @@ from btfcore.types import F4, F8, I8
 PATCH, STRIDE = 11, 8
 TAIL = 0.95
 PIECE, PIECE_STRIDE, APART, ALIKE = 31, 16, 48, 0.35
+PARTS = 32  # principal components that rule most pairs of pieces out
 CHUNK = 256
 BIN = 8
 
@@ -131,33 +131,50 @@ def source_use(nearest: I8, height: int, width: int) -> float:
 
 
 def self_repeat(sample: F4, output: F4) -> float:
-    """Share of 31 x 31 patches, every 16th, found again far away within .35 deviations."""
-    grey = output.mean(axis=2).astype(np.float32)
-    height, width = grey.shape
+    """Share of 31 x 31 patches, every 16th, found again far away within .35 deviations.
+
+    The distance of two patches' leading principal components bounds theirs from below, so that
+    few pairs need to be compared in full; the answer is that of comparing all.
+    """
+    grey = output.mean(axis=2, dtype=np.float64)
+    bound = (ALIKE * float(sample.mean(axis=2).std())) ** 2 * PIECE**2
+    windows = sliding_window_view(grey, (PIECE, PIECE))
+    rows, columns = windows.shape[:2]
+    parts = _leading_parts(grey, windows)
+    power = np.einsum("ij,ij->i", parts, parts)
+    row, column = np.divmod(np.arange(rows * columns), columns)
+    lefts = np.arange(0, columns, PIECE_STRIDE)
+    again = asked = 0
+    for top in range(0, rows, PIECE_STRIDE):
+        mine = top * columns + lefts
+        crossed = parts[mine] @ parts.T
+        for left, known, products in zip(lefts, power[mine], crossed, strict=True):
+            least = power - 2 * products + known
+            hopeful = np.flatnonzero(least < bound * 1.001)
+            far = np.maximum(np.abs(row[hopeful] - top), np.abs(column[hopeful] - left)) > APART
+            hopeful = hopeful[far]
+            hopeful = hopeful[np.argsort(least[hopeful], kind="stable")]
+            asked += 1
+            for first in range(0, len(hopeful), CHUNK):
+                some = hopeful[first : first + CHUNK]
+                apart = windows[row[some], column[some]] - windows[top, left]
+                if (apart**2).sum(axis=(1, 2)).min() < bound:
+                    again += 1
+                    break
+    return again / asked
+
+
+def _leading_parts(grey: F8, windows: F8) -> F4:
+    """Principal components (n, 32) f4 of all 31 x 31 windows, in order of their top-left pixel."""
+    some = windows[::BIN, ::BIN].reshape(-1, PIECE**2)
+    mean = some.mean(axis=0)
+    _, vectors = np.linalg.eigh((some - mean).T @ (some - mean))
     shape = tuple(scipy.fft.next_fast_len(side, real=True) for side in grey.shape)
     spectrum = scipy.fft.rfft2(grey, shape)
-    rows, columns = height - PIECE + 1, width - PIECE + 1
-    power = _box(grey.astype(np.float64) ** 2)
-    bound = (ALIKE * float(sample.mean(axis=2).std())) ** 2 * PIECE**2
-    again = 0
-    tops, lefts = range(0, rows, PIECE_STRIDE), range(0, columns, PIECE_STRIDE)
-    for top in tops:
-        for left in lefts:
-            piece = grey[top : top + PIECE, left : left + PIECE]
-            product = np.conj(scipy.fft.rfft2(piece, shape)) * spectrum
-            crossed = scipy.fft.irfft2(product, shape)[:rows, :columns]
-            distance = power - 2 * crossed + power[top, left]
-            distance[
-                max(0, top - APART) : top + APART + 1, max(0, left - APART) : left + APART + 1
-            ] = np.inf
-            again += bool(distance.min() < bound)
-    return again / (len(tops) * len(lefts))
-
-
-def _box(values: F8) -> NDArray[np.float64]:
-    """Sums over every 31 x 31 window."""
-    table = np.pad(values, ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)
-    return np.asarray(
-        table[PIECE:, PIECE:] - table[:-PIECE, PIECE:] - table[PIECE:, :-PIECE]
-        + table[:-PIECE, :-PIECE]
-    )  # fmt: skip
+    parts = np.empty((windows.shape[0] * windows.shape[1], PARTS), np.float32)
+    for k in range(PARTS):
+        axis = vectors[:, -1 - k]
+        product = np.conj(scipy.fft.rfft2(axis.reshape(PIECE, PIECE), shape)) * spectrum
+        crossed = scipy.fft.irfft2(product, shape)[: windows.shape[0], : windows.shape[1]]
+        parts[:, k] = crossed.ravel() - axis @ mean
+    return parts
