@@ -11,6 +11,7 @@ from btfcore.patch.connectivity import Connectivity
 from btfcore.patch.distortion import field_directions
 from btfcore.patch.flatten import FlatPatch, Flattener
 from btfcore.patch.resample import look_up, work_image
+from btfcore.quilt.appearance import appearance
 from btfcore.quilt.fitting import Cut, fit, near_bare
 from btfcore.quilt.grid import SampleGrid
 from btfcore.quilt.literal import RotatedMatcher
@@ -19,6 +20,7 @@ from btfcore.quilt.measure import seam_edges_around
 from btfcore.quilt.parameters import QuiltParameters
 from btfcore.quilt.patches import median_direction
 from btfcore.quilt.register import fit_warp, warped
+from btfcore.quilt.reuse import Reuse
 from btfcore.quilt.state import QuiltState
 from btfcore.types import F4, F8
 
@@ -62,6 +64,10 @@ class CandidateFinder:
         self._rotated = RotatedMatcher(grid)
         if parameters.literal:
             self._rotated.precompute()
+        self._cut = appearance(grid.match, parameters.beside) if parameters.beside else grid.cut
+        self._reuse: Reuse | None = None
+        if parameters.reuse > 0.0:
+            self._reuse = Reuse(grid.cut.shape[0], grid.cut.shape[1], parameters.reuse)
         self._random = np.random.default_rng(parameters.seed)
 
     def best(self, patch: FlatPatch, running: float) -> Candidate:
@@ -87,7 +93,7 @@ class CandidateFinder:
             place = at.astype(np.float32)
             cut = fit(
                 net.indptr, net.indices, patch.order, patch.inner, local, place,
-                self.state.patch, self.state.source, self.state.ghost, self.grid.cut,
+                self.state.patch, self.state.source, self.state.ghost, self._cut,
                 # the paper cuts the whole overlap
                 patch.radius * 2 if self.parameters.literal else self.parameters.band,
             )  # fmt: skip
@@ -97,6 +103,8 @@ class CandidateFinder:
                 angle = -np.angle(direction * mean.conjugate() * rotation[: patch.inner])
                 best = Candidate(patch, cut, place, angle, score, 0.0)
         assert best is not None
+        if self._reuse is not None:
+            self._reuse.taken(*best.place[0].tolist())
         if self.parameters.max_seam is not None:
             edges = seam_edges_around(
                 net.indptr, net.indices, patch.order, patch.inner, local, best.cut.fresh,
@@ -127,6 +135,7 @@ class CandidateFinder:
                     for at in self._matcher.match(
                         image, mask, most=knobs.placements, overlap=knobs.overlap,
                         margin=knobs.margin,
+                        penalty=None if self._reuse is None else self._reuse.penalty(),
                     ):  # fmt: skip
                         found.append(Placement(at.column, at.row, at.cost, float(angle)))
         if not found:
@@ -136,6 +145,8 @@ class CandidateFinder:
             return [Placement(float(round(x * (width - 1))), float(round(y * (height - 1))), 0.0)]
         found.sort(key=lambda placement: placement.cost)
         found = found[: knobs.placements]
+        if self._reuse is not None:
+            self._reuse.matched(found[0].cost, found[-1].cost)
         if knobs.literal or knobs.sway == 0.0:
             return found
         points = plane / self.grid.unit

@@ -33,6 +33,11 @@ class QuiltParameters:
     ahead : how many levels ahead of the frontier a patch is centred; None: half of r_w.
     band : width in levels of the overlap that may be cut.
     match_band : width in levels of the overlap that is matched: where the seam may run.
+    beside : texels on each side of a seam that its cost looks at; 0 looks at the texels that
+        it parts only, as the paper does. 2 leaves less to see and takes a fifth more time.
+    reuse : how strongly a place of the sample is avoided that was taken before, in units of
+        the difference between the best match and the last of `placements`. 4 repeats visibly
+        less in a regular pattern, and leaves more seams to see.
     overlap : share of the known part of the work image that a placement must cover.
     margin : distance in texels of the patch's centre to the sample's border.
     match_channels : principal channels used in matching, at most.
@@ -54,6 +59,8 @@ class QuiltParameters:
     ahead: int | None = None
     band: int = 20
     match_band: int = 14
+    beside: int = 0
+    reuse: float = 0.0
     overlap: float = 0.8
     margin: float = 24.0
     match_channels: int = 4
@@ -67,6 +74,8 @@ class QuiltParameters:
         _within("bend", self.bend, 0.0, 0.5)
         _within("sway", self.sway, 0.0, 45.0)
         _within("give", self.give, 0.0, 0.3)
+        _within("beside", self.beside, 0, 8)
+        _within("reuse", self.reuse, 0.0, 1e3)
         _within("overlap", self.overlap, 0.0, 1.0)
         _within("seed", self.seed, 0, 2**32 - 1)
         if self.work_patch is not None:
