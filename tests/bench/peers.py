@@ -27,14 +27,17 @@ SIDE = 512
 SEEDS = (0, 1, 2)
 LONGEST_S = 600
 BASELINES = Path(__file__).resolve().parent / "baselines"
-PLANE = QuiltParameters()
+# A plane needs no bending, and whole texels are copied as they are; nothing limits its patches
+# but the sample, so that they are larger and may be cut in a wider overlap.
+PLANE = QuiltParameters(work_patch=66, band=32, sway=0.0, bend=0.0, beside=2)
+WAYS = {"Patina": PLANE, "Patina, reuse 4": replace(PLANE, reuse=4.0)}
 NOTE = """A sample of 128² pixels, spread over 512². *CPU s*: user and system seconds; of
 Patina warm, tables of the grid included; of a program all of its process, *start* being what it
 takes to load its libraries and do nothing. *patch-NN*: RMSE of each 11 × 11 patch of the output to
 its nearest in the sample, over the sample's deviation; *seam*: 95 % quantile of the same; *copied
 side*: of the pieces copied verbatim, in pixels; *use*: how evenly the sample is used (1: all
 alike); *self-repeat*: share of 31 × 31 patches found again 49 or more pixels away. A lower patch-NN
-with larger copied side or self-repeat is no better picture: read them together. Mean of three
+with larger copied side or self-repeat is no better picture: read them together. *reuse*: places taken before are avoided. Mean of three
 seeds where the program takes a seed. *quoted, other machine*: figures measured elsewhere on the
 same samples, for orientation; their times do not compare."""
 # name: (CPU s, patch-NN, copied side, self-repeat) of brick and of gravel
@@ -195,8 +198,10 @@ def main(
     loaded = {
         name: np.asarray(image, np.float32) / np.float32(255) for name, image in samples.items()
     }
-    for name, sample in loaded.items():
-        rows.append(row("Patina", name, "", run_patina(sample, size=size, seeds=seeds)))
+    for way, parameters in WAYS.items():
+        for name, sample in loaded.items():
+            runs = run_patina(sample, size=size, seeds=seeds, parameters=parameters)
+            rows.append(row(way, name, "", runs))
     with tempfile.TemporaryDirectory() as folder:
         for peer in [*shipped(str(python or sys.executable)), *asked]:
             try:
