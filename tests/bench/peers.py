@@ -37,9 +37,9 @@ takes to load its libraries and do nothing. *patch-NN*: RMSE of each 11 × 11 pa
 its nearest in the sample, over the sample's deviation; *seam*: 95 % quantile of the same; *copied
 side*: of the pieces copied verbatim, in pixels; *use*: how evenly the sample is used (1: all
 alike); *self-repeat*: share of 31 × 31 patches found again 49 or more pixels away. A lower patch-NN
-with larger copied side or self-repeat is no better picture: read them together. *reuse*: places taken before are avoided. Mean of three
-seeds where the program takes a seed. *quoted, other machine*: figures measured elsewhere on the
-same samples, for orientation; their times do not compare."""
+with larger copied side or self-repeat is no better picture: read them together. *reuse*: places
+taken before are avoided. Mean of three seeds where the program takes a seed. *quoted, other
+machine*: measured elsewhere on the same samples, for orientation; their times do not compare."""
 # name: (CPU s, patch-NN, copied side, self-repeat) of brick and of gravel
 QUOTED = {
     "Embark texture-synthesis": (("15–16.5", 0.236, 17, 0.05), ("15–16.5", 0.442, 27, 0.02)),
