@@ -29,7 +29,7 @@ LONGEST_S = 600
 BASELINES = Path(__file__).resolve().parent / "baselines"
 # A plane needs no bending, and whole texels are copied as they are; nothing limits its patches
 # but the sample, so that they are larger and may be cut in a wider overlap.
-PLANE = QuiltParameters(work_patch=66, band=32, sway=0.0, bend=0.0, beside=2)
+PLANE = QuiltParameters(work_patch=68, band=32, sway=0.0, bend=0.0)
 WAYS = {"Patina": PLANE, "Patina, reuse 4": replace(PLANE, reuse=4.0)}
 NOTE = """A sample of 128² pixels, spread over 512². *CPU s*: user and system seconds; of
 Patina warm, tables of the grid included; of a program all of its process, *start* being what it
