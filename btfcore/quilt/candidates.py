@@ -18,6 +18,7 @@ from btfcore.quilt.matching import Matcher, Placement
 from btfcore.quilt.measure import seam_edges_around
 from btfcore.quilt.parameters import QuiltParameters
 from btfcore.quilt.patches import median_direction
+from btfcore.quilt.register import register
 from btfcore.quilt.state import QuiltState
 from btfcore.types import F4, F8
 
@@ -54,6 +55,7 @@ class CandidateFinder:
         """Prepare for a run; `flattener` holds the patch that is asked about."""
         self.net, self.grid, self.state, self.parameters = net, grid, state, parameters
         self.cuts = 0
+        self._known = None
         self._flattener = flattener
         self._matcher = Matcher(grid)
         self._rotated = RotatedMatcher(grid)
@@ -129,7 +131,16 @@ class CandidateFinder:
             x, y = 0.35 + 0.3 * self._random.random(2)
             return [Placement(float(x * (width - 1)), float(y * (height - 1)), 0.0)]
         found.sort(key=lambda placement: placement.cost)
-        return found[: knobs.placements]
+        found = found[: knobs.placements]
+        if knobs.sway >= 0 and not knobs.literal and self._known is not None:
+            known, values = self._known
+            point = np.stack([plane.real, -plane.imag], axis=1)[known] / self.grid.unit
+            out = []
+            for at in found:
+                b = register(self.grid.match, point, values[known], np.array([at.column, at.row, at.turn]), 1.5, np.radians(knobs.sway), 6)
+                out.append(Placement(b[0], b[1], b[3], b[2]))
+            found = out
+        return found
 
     def _work_image(self, patch: FlatPatch, spun: C16) -> tuple[F4, F4]:
         net, state = self.net, self.state
@@ -141,6 +152,7 @@ class CandidateFinder:
                 net.indptr, net.indices, patch.order, self._flattener.local, state.patch,
                 self.parameters.match_band,
             )  # fmt: skip
+        self._known = (known, values)
         return work_image(
             net.faces, net.face_ptr, net.face_of, patch.order, self._flattener.local, point,
             values, known, self._half(point[: patch.inner]),

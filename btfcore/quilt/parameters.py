@@ -38,10 +38,12 @@ class QuiltParameters:
     work_patch: int | None = None
     max_distortion: float = 4.0
     max_seam: float | None = None
-    max_bend: float = 10.0
+    max_bend: float = 25.0
     near_field: float = 4.8
     placements: int = 4
     swing: tuple[float, ...] = (0.0,)
+    sway: float = 2.0
+    bend: float = 0.15
     ahead: int | None = None
     band: int = 20
     match_band: int = 14

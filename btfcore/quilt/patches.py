@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
+from btfcore.patch.bend import bent, fit_bend
 from btfcore.patch.connectivity import Connectivity, turning_rate
 from btfcore.patch.distortion import field_directions
 from btfcore.patch.flatten import SHRINK, FlatPatch, Flattener
@@ -46,7 +48,27 @@ class PatchChooser:
         self._near_field += int(near.sum())
 
     def choose(self, vertex: int) -> FlatPatch:
-        """Return the work patch that is to cover `vertex`, seeded ahead of the frontier.
+        """Return the work patch that is to cover `vertex`, bent along the field."""
+        patch = self._choose(vertex)
+        if self.parameters.literal or self.parameters.bend == 0.0:
+            return patch
+        direction, bare = self._directions(patch.order, patch.inner, patch.plane)
+        bend, _ = fit_bend(direction, patch.plane, bare, patch.inner, self.parameters.bend)
+        patch.plane = bent(patch.plane, bend)
+        return patch
+
+    def _directions(
+        self, order: I4, inner: int, plane: F8
+    ) -> tuple[NDArray[np.complex128], NDArray[np.bool_]]:
+        """Field directions in the plane at a patch's first `inner` vertices, and which are bare."""
+        net = self.net
+        turn = field_directions(
+            net.indptr, net.indices, net.edge, order, inner, self._flattener.local, plane
+        )
+        return turn[:, 0] + 1j * turn[:, 1], self.state.patch[order[:inner]] < 0
+
+    def _choose(self, vertex: int) -> FlatPatch:
+        """Return the flattened patch, seeded ahead of the frontier.
 
         A patch that had to shrink is seeded anew, nearer, lest it lose touch with the part
         that it must continue.
@@ -70,34 +92,29 @@ class PatchChooser:
 
         The median distance from a diameter of the unit disk is 0.4.
         """
-        allowed = self._bend() / (0.4 * max(self._rate[seed], 1e-4))
+        allowed = (self._bend() / 0.4 + self.parameters.bend) / max(self._rate[seed], 1e-4)
         return int(np.clip(SLACK * allowed, min(LEAST_BENT, self.radius), self.radius))
 
     def _bend(self) -> float:
         """Bound in radians on a patch's median angle to the field.
 
         `max_bend` while more than half of the texture so far lies within `near_field` of the
-        field, half of it otherwise: the median stays below that at the least cost in seams.
+        field, no more than `near_field` otherwise: the median stays below that at the least
+        cost in seams.
         """
         on_course = self._near_field >= ON_COURSE * self._placed
-        return float(np.radians(self.parameters.max_bend * (1.0 if on_course else 0.5)))
+        most = self.parameters.max_bend
+        return float(np.radians(most if on_course else min(most, self.parameters.near_field)))
 
     def _straight(self, order: I4, start: I4, plane: F8, radius: int) -> int:
         """Largest radius at which the field does not turn too much for one piece of texture."""
-        net, bound = self.net, self._bend()
+        bound = self._bend()
         inner = int(start[min(radius + 1, len(start) - 1)])
-        turn = field_directions(
-            net.indptr, net.indices, net.edge, order, inner, self._flattener.local, plane
-        )
-        direction = turn[:, 0] + 1j * turn[:, 1]
-        bare = self.state.patch[order[:inner]] < 0
+        direction, bare = self._directions(order, inner, plane)
         while radius > LEAST_BENT:
             count = int(start[min(radius + 1, len(start) - 1)])
-            mine = direction[:count][bare[:count]]
-            if len(mine) == 0:
-                break
-            mean = median_direction(mine, mine[0])
-            if np.median(np.abs(np.angle(mine * mean.conjugate()))) <= bound:
+            _, left = fit_bend(direction, plane, bare, count, self.parameters.bend)
+            if left <= bound:
                 break
             radius = max(int(radius * SHRINK), LEAST_BENT)
             self.shrinks += 1
