@@ -12,13 +12,13 @@ from btfcore.patch.distortion import field_directions
 from btfcore.patch.flatten import FlatPatch, Flattener
 from btfcore.patch.resample import look_up, work_image
 from btfcore.quilt.fitting import Cut, fit, near_bare
-from btfcore.quilt.grid import SampleGrid
 from btfcore.quilt.literal import RotatedMatcher
 from btfcore.quilt.matching import Matcher, Placement
 from btfcore.quilt.measure import seam_edges_around
 from btfcore.quilt.parameters import QuiltParameters
 from btfcore.quilt.patches import median_direction
 from btfcore.quilt.register import register
+from btfcore.quilt.sheet import Sheet
 from btfcore.quilt.state import QuiltState
 from btfcore.types import F4, F8
 
@@ -47,21 +47,27 @@ class CandidateFinder:
     def __init__(
         self,
         net: Connectivity,
-        grid: SampleGrid,
+        sheet: Sheet,
         state: QuiltState,
         flattener: Flattener,
         parameters: QuiltParameters,
     ) -> None:
         """Prepare for a run; `flattener` holds the patch that is asked about."""
-        self.net, self.grid, self.state, self.parameters = net, grid, state, parameters
+        self.net, self.sheet, self.state, self.parameters = net, sheet, state, parameters
         self.cuts = 0
         self._known = None
         self._flattener = flattener
-        self._matcher = Matcher(grid)
-        self._rotated = RotatedMatcher(grid)
+        self._matchers = [(Matcher(grid), RotatedMatcher(grid)) for grid in sheet.grids]
+        self._take(0)
         if parameters.literal:
-            self._rotated.precompute()
+            for _, rotated in self._matchers:
+                rotated.precompute()
         self._random = np.random.default_rng(parameters.seed)
+
+    def _take(self, mine: int) -> None:
+        """Place sample `mine` from now on."""
+        self.mine, self.grid = mine, self.sheet.grids[mine]
+        self._matcher, self._rotated = self._matchers[mine]
 
     def best(self, patch: FlatPatch, running: float) -> Candidate:
         """Match and cut; the cheapest of the placements tried.
@@ -69,11 +75,12 @@ class CandidateFinder:
         `running`: cost that each bare vertex which a placement misses is counted at.
         """
         net, local = self.net, self._flattener.local
+        self._take(self.state.home(int(patch.order[0])))
         turn = field_directions(
             net.indptr, net.indices, net.edge, patch.order, patch.inner, local, patch.plane
         )
         direction = turn[:, 0] + 1j * turn[:, 1]
-        bare = self.state.patch[patch.order[: patch.inner]] < 0
+        bare = self.state.bare_for(patch.order[: patch.inner])
         mean = median_direction(direction[bare], direction[0])
         plane = (patch.plane[:, 0] + 1j * patch.plane[:, 1]) * mean.conjugate()
         heading = float(np.angle(mean))
@@ -85,9 +92,11 @@ class CandidateFinder:
             place[:, 1] = placement.row - spun.imag
             cut = fit(
                 net.indptr, net.indices, patch.order, patch.inner, local, place,
-                self.state.patch, self.state.source, self.state.ghost, self.grid.cut,
+                self.state.patch, self.state.source, self.state.ghost, self.sheet,
                 # the paper cuts the whole overlap
                 patch.radius * 2 if self.parameters.literal else self.parameters.band,
+                owner=self.state.sample, mine=self.mine,
+                allowed=self.state.allowed(self.mine),
             )  # fmt: skip
             self.cuts += 1
             score = cut.flow + running * cut.missed
@@ -111,7 +120,7 @@ class CandidateFinder:
         """
         knobs = self.parameters
         found: list[Placement] = []
-        if (self.state.patch[patch.order] >= 0).any():
+        if self.state.known_to(patch.order).any():
             if knobs.literal:
                 image, mask = self._work_image(patch, plane * np.exp(1j * heading))
                 for at in self._rotated.match(
@@ -128,8 +137,12 @@ class CandidateFinder:
                         found.append(Placement(at.column, at.row, at.cost, float(angle)))
         if not found:
             height, width = self.grid.cut.shape[:2]
-            x, y = 0.35 + 0.3 * self._random.random(2)
-            return [Placement(float(x * (width - 1)), float(y * (height - 1)), 0.0)]
+            # beside another sample the cut chooses among some that know nothing of it
+            beside = bool((self.state.patch[patch.order] >= 0).any())
+            for _ in range(knobs.placements if beside else 1):
+                x, y = 0.35 + 0.3 * self._random.random(2)
+                found.append(Placement(float(x * (width - 1)), float(y * (height - 1)), 0.0))
+            return found
         found.sort(key=lambda placement: placement.cost)
         found = found[: knobs.placements]
         if knobs.sway >= 0 and not knobs.literal and self._known is not None:
@@ -146,7 +159,7 @@ class CandidateFinder:
         net, state = self.net, self.state
         point = np.stack([spun.real, -spun.imag], axis=1) / self.grid.unit
         values = look_up(self.grid.match, state.source[patch.order])
-        known = state.patch[patch.order] >= 0
+        known = state.known_to(patch.order)
         if not self.parameters.literal:
             known &= near_bare(
                 net.indptr, net.indices, patch.order, self._flattener.local, state.patch,

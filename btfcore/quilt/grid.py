@@ -58,6 +58,11 @@ def sample_grid(sample: Sample, *, scale: float = 1.0, match_channels: int = 4) 
     return SampleGrid(cut, match, max(scale, 1.0), shrink, near, far)
 
 
+def colour_grid(sample: Sample, grid: SampleGrid) -> F4:
+    """Colours (h, w, 3) f4 of `sample` on its grid."""
+    return sample.colour if grid.shrink == 1.0 else _reduced(sample.colour, grid.shrink)
+
+
 def _reduced(channels: F4, shrink: float) -> F4:
     """Low-pass and resample (H, W, K) to `shrink` of its size."""
     height, width = channels.shape[:2]

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from btfcore.errors import InvalidParameter
 from btfcore.patch.connectivity import Connectivity, connect
 from btfcore.patch.flatten import SHRINK, SMALLEST, FlatPatch, Flattener
 from btfcore.progress import Progress, silent
 from btfcore.quilt.candidates import Candidate, CandidateFinder
 from btfcore.quilt.frontier import Frontier
-from btfcore.quilt.grid import SampleGrid, sample_grid
+from btfcore.quilt.grid import SampleGrid
+from btfcore.quilt.layout import Layout
 from btfcore.quilt.parameters import QuiltParameters
 from btfcore.quilt.patches import PatchChooser
+from btfcore.quilt.sheet import sheet_of
 from btfcore.quilt.state import QuiltState
 from btfcore.types import DenseMesh, Field, Quilt, Sample
 
@@ -48,21 +51,31 @@ class Synthesizer:
         self,
         dense: DenseMesh,
         orientation: Field,
-        sample: Sample,
+        sample: Sample | Sequence[Sample],
         parameters: QuiltParameters,
         *,
         net: Connectivity | None = None,
+        layout: Layout | None = None,
+        scales: Sequence[float] | None = None,
     ) -> None:
-        """Prepare tables; `net` may be passed in where it was computed before."""
+        """Prepare tables; `net` may be passed in where it was computed before.
+
+        Several samples need a `layout`, which says where each goes; `scales` multiply the
+        common one, sample by sample.
+        """
+        samples = (sample,) if isinstance(sample, Sample) else tuple(sample)
+        if len(samples) != (1 if layout is None else len(layout.allowed)):
+            raise InvalidParameter(f"{len(samples)} samples do not fit the layout")
         self.parameters = parameters
+        if layout is not None:
+            net = layout.net
         self.net = net if net is not None else connect(dense, orientation)
-        all_channels = sample.channels.shape[2]
-        self.grid: SampleGrid = sample_grid(
-            sample,
-            scale=parameters.scale,
-            match_channels=all_channels if parameters.literal else parameters.match_channels,
+        self.sheet = sheet_of(
+            samples,
+            [parameters.scale * each for each in scales or [1.0] * len(samples)],
+            match_channels=None if parameters.literal else parameters.match_channels,
         )
-        self.state = QuiltState.bare(self.net)
+        self.state = QuiltState.bare(self.net, layout)
         self.statistics = QuiltStatistics()
         self._flattener = Flattener(
             dense,
@@ -74,20 +87,32 @@ class Synthesizer:
         self._frontier = Frontier(
             self.net.indptr, self.net.indices, self.state.patch, parameters.seed
         )
-        self.radius = parameters.work_patch or self._default_radius()
+        self.radii = [parameters.work_patch or self._radius(grid) for grid in self.sheet.grids]
         self._chooser = PatchChooser(
-            self.net, self._flattener, self._frontier, self.state, parameters, self.radius
+            self.net, self._flattener, self._frontier, self.state, parameters, self.radii
         )
-        self._finder = CandidateFinder(self.net, self.grid, self.state, self._flattener, parameters)
-        self._flow = 0.0
-        self._gained = 0
+        self._finder = CandidateFinder(
+            self.net, self.sheet, self.state, self._flattener, parameters
+        )
+        self._flow = [0.0] * len(samples)
+        self._gained = [0] * len(samples)
 
-    def _default_radius(self) -> int:
+    @property
+    def grid(self) -> SampleGrid:
+        """The first sample, for runs of one."""
+        return self.sheet.grids[0]
+
+    @property
+    def radius(self) -> int:
+        """Radius r_w of the first sample's patches."""
+        return self.radii[0]
+
+    def _radius(self, grid: SampleGrid) -> int:
         """r_w tied to the sample's size: 40 levels for 128 texels, 32 in the paper's way."""
         if self.parameters.literal:
             return 32
-        height, width = self.grid.cut.shape[:2]
-        return int(np.clip(round(0.3125 * min(height, width) * self.grid.unit), 4, LARGEST))
+        height, width = grid.cut.shape[:2]
+        return int(np.clip(round(0.3125 * min(height, width) * grid.unit), 4, LARGEST))
 
     def run(
         self, *, progress: Progress = silent, on_update: Callable[[Quilt], None] | None = None
@@ -108,9 +133,9 @@ class Synthesizer:
             progress(done / count, "quilting")
             if on_update is not None and time.monotonic() - shown > UPDATE_S:
                 shown = time.monotonic()
-                on_update(self.state.quilt(self.grid))
+                on_update(self.state.quilt(self.sheet))
         self.statistics.covered = done / count
-        return self.state.quilt(self.grid)
+        return self.state.quilt(self.sheet)
 
     def _patch_at(self, vertex: int) -> int:
         """Synthesise one patch near `vertex`; returns how many bare vertices it covered."""
@@ -122,8 +147,9 @@ class Synthesizer:
         self._flattener.release(patch)
         self._frontier.add(was_bare)
         self._chooser.accepted(best.angle[fresh])
-        self._flow += best.cut.flow
-        self._gained += best.cut.gained
+        mine = self.state.home(int(patch.order[0]))
+        self._flow[mine] += best.cut.flow
+        self._gained[mine] += best.cut.gained
         counts = self.statistics
         counts.patches += 1
         counts.kinds[patch.kind] += 1
@@ -137,7 +163,8 @@ class Synthesizer:
         Where no size does, the best one seen: a strict bound would shatter the surface. The
         flattener holds the candidate's patch on return.
         """
-        running = self._flow / max(self._gained, 1)
+        mine = self.state.home(int(patch.order[0]))
+        running = self._flow[mine] / max(self._gained[mine], 1)
         best = candidate = self._finder.best(patch, running)
         bound = self.parameters.max_seam
         while bound is not None and candidate.seam > bound and patch.radius > SMALLEST:
