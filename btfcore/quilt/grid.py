@@ -53,7 +53,7 @@ def sample_grid(sample: Sample, *, scale: float = 1.0, match_channels: int = 4) 
         )
     cut = _without_copies(channels)
     cut = np.ascontiguousarray(cut - cut.mean(axis=(0, 1), dtype=np.float64), np.float32)
-    near, far = _differences(cut)
+    near, far = differences(cut)
     match = _principal(cut, match_channels)
     return SampleGrid(cut, match, max(scale, 1.0), shrink, near, far)
 
@@ -87,7 +87,7 @@ def _without_copies(channels: F4) -> F4:
     return channels
 
 
-def _differences(cut: F4) -> tuple[float, float]:
+def differences(cut: F4) -> tuple[float, float]:
     """Mean distance of neighbouring texels and of random pairs of texels."""
     wide = cut.astype(np.float64)
     across = np.sqrt(((wide[:, 1:] - wide[:, :-1]) ** 2).sum(axis=-1))
