@@ -23,6 +23,8 @@ from btfcore.quilt.state import QuiltState
 from btfcore.types import F4, F8
 
 C16 = NDArray[np.complex128]
+REACH = 1.5  # texels that registration may shift a placement by
+ROUNDS = 6  # its Gauss-Newton steps, most placements stopping after three
 
 
 @dataclass(eq=False)
@@ -55,7 +57,6 @@ class CandidateFinder:
         """Prepare for a run; `flattener` holds the patch that is asked about."""
         self.net, self.sheet, self.state, self.parameters = net, sheet, state, parameters
         self.cuts = 0
-        self._known = None
         self._flattener = flattener
         self._matchers = [(Matcher(grid), RotatedMatcher(grid)) for grid in sheet.grids]
         self._take(0)
@@ -120,16 +121,17 @@ class CandidateFinder:
         """
         knobs = self.parameters
         found: list[Placement] = []
-        if self.state.known_to(patch.order).any():
+        known, values = self._known(patch)
+        if known.any():
             if knobs.literal:
-                image, mask = self._work_image(patch, plane * np.exp(1j * heading))
+                image, mask = self._work_image(patch, plane * np.exp(1j * heading), known, values)
                 for at in self._rotated.match(
                     image, mask, turn=-heading, overlap=knobs.overlap, margin=knobs.margin
                 ):
                     found.append(Placement(at.column, at.row, at.cost, at.turn + heading))
             else:
                 for angle in np.radians(knobs.swing):
-                    image, mask = self._work_image(patch, plane * np.exp(1j * angle))
+                    image, mask = self._work_image(patch, plane * np.exp(1j * angle), known, values)
                     for at in self._matcher.match(
                         image, mask, most=knobs.placements, overlap=knobs.overlap,
                         margin=knobs.margin,
@@ -138,26 +140,28 @@ class CandidateFinder:
         if not found:
             height, width = self.grid.cut.shape[:2]
             # beside another sample the cut chooses among some that know nothing of it
-            beside = bool((self.state.patch[patch.order] >= 0).any())
-            for _ in range(knobs.placements if beside else 1):
+            for _ in range(knobs.placements if self.state.beside(patch.order) else 1):
                 x, y = 0.35 + 0.3 * self._random.random(2)
                 found.append(Placement(float(x * (width - 1)), float(y * (height - 1)), 0.0))
             return found
         found.sort(key=lambda placement: placement.cost)
         found = found[: knobs.placements]
-        if knobs.sway >= 0 and not knobs.literal and self._known is not None:
-            known, values = self._known
-            point = np.stack([plane.real, -plane.imag], axis=1)[known] / self.grid.unit
-            out = []
-            for at in found:
-                b = register(self.grid.match, point, values[known], np.array([at.column, at.row, at.turn]), 1.5, np.radians(knobs.sway), 6)
-                out.append(Placement(b[0], b[1], b[3], b[2]))
-            found = out
-        return found
+        if knobs.literal or knobs.sway == 0.0:
+            return found
+        point = np.stack([plane.real, -plane.imag], axis=1)[known] / self.grid.unit
+        return [self._registered(point, values[known], placement) for placement in found]
 
-    def _work_image(self, patch: FlatPatch, spun: C16) -> tuple[F4, F4]:
+    def _registered(self, point: F8, values: F4, at: Placement) -> Placement:
+        """Shift and turn a placement by less than a texel or two, to where it fits best."""
+        column, row, turn, cost = register(
+            self.grid.match, point, values, (at.column, at.row, at.turn),
+            REACH, np.radians(self.parameters.sway), ROUNDS,
+        )  # fmt: skip
+        return Placement(column, row, cost, turn) if np.isfinite(cost) else at
+
+    def _known(self, patch: FlatPatch) -> tuple[NDArray[np.bool_], F4]:
+        """Which vertices (n,) of a patch are matched, and values (n, k) of all in that space."""
         net, state = self.net, self.state
-        point = np.stack([spun.real, -spun.imag], axis=1) / self.grid.unit
         values = look_up(self.grid.match, state.source[patch.order])
         known = state.known_to(patch.order)
         if not self.parameters.literal:
@@ -165,7 +169,13 @@ class CandidateFinder:
                 net.indptr, net.indices, patch.order, self._flattener.local, state.patch,
                 self.parameters.match_band,
             )  # fmt: skip
-        self._known = (known, values)
+        return known, values
+
+    def _work_image(
+        self, patch: FlatPatch, spun: C16, known: NDArray[np.bool_], values: F4
+    ) -> tuple[F4, F4]:
+        net = self.net
+        point = np.stack([spun.real, -spun.imag], axis=1) / self.grid.unit
         return work_image(
             net.faces, net.face_ptr, net.face_of, patch.order, self._flattener.local, point,
             values, known, self._half(point[: patch.inner]),

@@ -21,8 +21,12 @@ class QuiltParameters:
     max_bend : median angle in degrees between the field and a patch's texture above which the
         patch shrinks (never below 8 levels).
     near_field : degrees within which half of the texture shall follow the field; while it does
-        not, `max_bend` counts half.
+        not, patches shrink until they do.
     placements : candidate placements that are cut, the cheapest being kept.
+    bend : by how much lengths at a patch's rim may change so that its texture follows a
+        turning field; 0 keeps patches as isometric as they were flattened.
+    sway : degrees within which registration may turn a placement besides shifting it by
+        fractions of a texel; 0 leaves whole texels.
     swing : orientations of the sample tried around the field's, in degrees.
     ahead : how many levels ahead of the frontier a patch is centred; None: half of r_w.
     band : width in levels of the overlap that may be cut.
@@ -41,10 +45,10 @@ class QuiltParameters:
     max_seam: float | None = None
     max_bend: float = 25.0
     near_field: float = 4.8
+    bend: float = 0.15
     placements: int = 4
     swing: tuple[float, ...] = (0.0,)
     sway: float = 2.0
-    bend: float = 0.15
     ahead: int | None = None
     band: int = 20
     match_band: int = 14
@@ -59,6 +63,8 @@ class QuiltParameters:
         _within("scale", self.scale, 0.01, 100.0)
         _within("max_distortion", self.max_distortion, 1.01, 1e6)
         _within("placements", self.placements, 1, 64)
+        _within("bend", self.bend, 0.0, 0.5)
+        _within("sway", self.sway, 0.0, 45.0)
         _within("overlap", self.overlap, 0.0, 1.0)
         _within("border", self.border, 0, 1000)
         _within("seed", self.seed, 0, 2**32 - 1)

@@ -12,6 +12,7 @@ from btfcore.patch.bend import bent, fit_bend
 from btfcore.patch.connectivity import Connectivity, turning_rate
 from btfcore.patch.distortion import field_directions
 from btfcore.patch.flatten import SHRINK, FlatPatch, Flattener
+from btfcore.progress import Progress, silent
 from btfcore.quilt.frontier import Frontier
 from btfcore.quilt.parameters import QuiltParameters
 from btfcore.quilt.state import QuiltState
@@ -34,13 +35,17 @@ class PatchChooser:
         state: QuiltState,
         parameters: QuiltParameters,
         radii: Sequence[int],
+        *,
+        progress: Progress = silent,
     ) -> None:
         """Choose patches of at most as many levels as `radii` has for each sample."""
         self.net, self.state, self.parameters = net, state, parameters
         self.radii = radii
         self.shrinks = 0
         self._flattener, self._frontier = flattener, frontier
-        self._rate = turning_rate(net.indptr, net.indices, net.edge, net.turn, 16)
+        self._rate = turning_rate(
+            net.indptr, net.indices, net.edge, net.turn, 16, progress=progress
+        )
         self._placed = self._near_field = 0
 
     def accepted(self, angle: F8) -> None:
@@ -81,7 +86,9 @@ class PatchChooser:
         ahead = self._most(vertex) // 2 if ahead is None else ahead
         seed, depth, near = self._frontier.ahead(vertex, ahead)
         if near < FEW_BARE:
-            return self._flattener.flatten(vertex, min(self._most(vertex), 12))
+            patch = self._flattener.flatten(vertex, min(self._most(vertex), 12))
+            patch.reason = patch.reason or "few"
+            return patch
         patch = self._flattener.flatten(seed, self._reach(seed), self._straight)
         if depth > 0 and patch.radius < min(self._most(seed), depth + 4):
             self._flattener.release(patch)

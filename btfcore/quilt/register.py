@@ -12,21 +12,30 @@ from numba import njit
 
 from btfcore.types import F4, F8
 
+DAMPING = 1e-3
+
 
 @njit(cache=True)
-def register(match: F4, spun: F8, values: F4, at: F8, reach: float, sway: float, rounds: int) -> F8:
-    """Improve a placement `at` (column, row, turn), which is returned as (4,) with its mean SSD.
+def register(
+    match: F4,
+    spun: F8,
+    values: F4,
+    at: tuple[float, float, float],
+    reach: float,
+    sway: float,
+    rounds: int,
+) -> tuple[float, float, float, float]:
+    """Improve a placement `at` (column, row, turn); returns it with its mean SSD (inf: none).
 
     match (h, w, k) f4; spun (n, 2) f8: overlap vertices (column, row) about the patch's centre
     in grid texels, before the turn; values (n, k) f4 their synthesised values. The shift stays
     within `reach` texels, the turn within `sway` radians of where it began.
     """
     height, width, channels = match.shape
-    best = np.array([at[0], at[1], at[2], np.inf])
-    now = at.copy()
-    damping = 1e-3
+    column, row, turn = at
+    best = (column, row, turn, np.inf)
     for _ in range(rounds):
-        cos, sin = np.cos(now[2]), np.sin(now[2])
+        cos, sin = np.cos(turn), np.sin(turn)
         a00 = a01 = a02 = a11 = a12 = a22 = 0.0
         b0 = b1 = b2 = 0.0
         total, count = 0.0, 0
@@ -34,7 +43,7 @@ def register(match: F4, spun: F8, values: F4, at: F8, reach: float, sway: float,
             # rows go down: a turn by +θ (counter-clockwise seen) maps (x, y) so
             x, y = spun[index, 0], spun[index, 1]
             u, v = cos * x + sin * y, -sin * x + cos * y
-            px, py = now[0] + u, now[1] + v
+            px, py = column + u, row + v
             if px < 0.0 or py < 0.0 or px > width - 1 or py > height - 1:
                 continue
             c, r = min(int(px), width - 2), min(int(py), height - 2)
@@ -60,31 +69,21 @@ def register(match: F4, spun: F8, values: F4, at: F8, reach: float, sway: float,
                 b2 += gt * error
         if count == 0:
             break
-        mean = total / count
-        if mean < best[3]:
-            best[0], best[1], best[2], best[3] = now[0], now[1], now[2], mean
-        else:
+        if not total / count < best[3]:
             break
-        a00 *= 1 + damping
-        a11 *= 1 + damping
-        a22 = a22 * (1 + damping) + 1e-12
-        if sway == 0.0:
-            a02 = a12 = b2 = 0.0
-            a22 = 1.0
-        # Cramer's rule on the symmetric 3 x 3 system
+        best = (column, row, turn, total / count)
+        # a little damping keeps stripes from sliding along themselves
+        a00, a11, a22 = a00 * (1 + DAMPING), a11 * (1 + DAMPING), a22 * (1 + DAMPING)
         c00, c01, c02 = a11 * a22 - a12 * a12, a02 * a12 - a01 * a22, a01 * a12 - a02 * a11
         det = a00 * c00 + a01 * c01 + a02 * c02
-        if not det > 1e-18:
+        if not det > 1e-12 * a00 * a11 * a22:
             break
         c11, c12, c22 = a00 * a22 - a02 * a02, a01 * a02 - a00 * a12, a00 * a11 - a01 * a01
-        now = np.array(
-            [
-                now[0] - (c00 * b0 + c01 * b1 + c02 * b2) / det,
-                now[1] - (c01 * b0 + c11 * b1 + c12 * b2) / det,
-                now[2] - (c02 * b0 + c12 * b1 + c22 * b2) / det,
-            ]
-        )
-        now[0] = min(max(now[0], at[0] - reach), at[0] + reach)
-        now[1] = min(max(now[1], at[1] - reach), at[1] + reach)
-        now[2] = min(max(now[2], at[2] - sway), at[2] + sway)
+        column -= (c00 * b0 + c01 * b1 + c02 * b2) / det
+        row -= (c01 * b0 + c11 * b1 + c12 * b2) / det
+        turn -= (c02 * b0 + c12 * b1 + c22 * b2) / det
+        # the patch's centre stays inside the sample: it must be covered
+        column = min(max(column, at[0] - reach, 0.0), at[0] + reach, width - 1.0)
+        row = min(max(row, at[1] - reach, 0.0), at[1] + reach, height - 1.0)
+        turn = min(max(turn, at[2] - sway), at[2] + sway)
     return best

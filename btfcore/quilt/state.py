@@ -67,6 +67,11 @@ class QuiltState:
             known &= self.sample[vertices] == self.home(int(vertices[0]))
         return known
 
+    def beside(self, vertices: I4) -> bool:
+        """Whether a patch touches another sample than that of its first vertex."""
+        others = (self.patch[vertices] >= 0) & ~self.known_to(vertices)
+        return bool(others.any())
+
     def accept(
         self,
         net: Connectivity,
