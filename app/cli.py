@@ -60,6 +60,24 @@ def decorate(
         float | None,
         typer.Option(help="T_c, bound on a patch's seam cost per edge in texel differences."),
     ] = None,
+    samples: Annotated[
+        list[str] | None,
+        typer.Option("--sample", help="REGION=FILE: another sample for a region; repeatable."),
+    ] = None,
+    regions: Annotated[
+        str, typer.Option(help="Regions: auto, materials, parts, components, or a labels file.")
+    ] = "auto",
+    border: Annotated[
+        list[str] | None,
+        typer.Option(help="soft or hard, for all borders; or REGION|REGION=soft; repeatable."),
+    ] = None,
+    border_width: Annotated[
+        int, typer.Option(help="Steps that a sample may reach across a soft border.")
+    ] = 12,
+    region_scale: Annotated[
+        list[str] | None,
+        typer.Option(help="REGION=2: the pattern twice as large there; repeatable."),
+    ] = None,
     literal: Annotated[bool, typer.Option(help="The paper's way in every step.")] = False,
     dense: Annotated[bool, typer.Option(help="Export the dense mesh's shape.")] = False,
     preview: Annotated[Path | None, typer.Option(help="Picture of the result (PNG).")] = None,
@@ -73,6 +91,7 @@ def decorate(
     from btfcore.pipeline import decorate as run
     from btfcore.pipeline import export_decorated
     from btfcore.quilt.parameters import QuiltParameters
+    from btfcore.regions import RegionSamples
 
     check_output(output)
     for extra, suffix in ((preview, ".png"), (save_quilt, ".npz"), (report, ".json")):
@@ -84,10 +103,12 @@ def decorate(
         work_patch=work_patch,
         max_distortion=max_distortion,
         max_seam=max_seam,
+        border=border_width,
         literal=literal,
     )
+    asked = RegionSamples(regions, samples or (), region_scale or (), border or ())
     with reporter(quiet=quiet) as progress:
-        done = run(mesh, sample, rate=rate, parameters=parameters, guide=guide, progress=progress)
+        done = run(mesh, sample, rate=rate, parameters=parameters, guide=guide, regions=asked, progress=progress)
         progress(1.0, "export")
         export_decorated(output, done, dense_shape=dense)
         if save_quilt is not None:
@@ -119,6 +140,21 @@ def decorate(
         say(f"{output}: {counts.patches} patches on {len(done.quilt.patch):,} vertices")
     if verbose:
         say(json.dumps(figures, indent=1))
+
+
+@app.command("regions")
+def list_regions(
+    mesh: Annotated[Path, typer.Argument(help="OBJ, PLY, STL, OFF, GLB or glTF file.")],
+    by: Annotated[
+        str, typer.Option(help="auto, materials, parts, components, or a labels file.")
+    ] = "auto",
+) -> None:
+    """List the regions of MESH, to which `decorate --sample` can give samples."""
+    from btfcore.pipeline import load_mesh
+    from btfcore.regions import region_table
+
+    for row in region_table(load_mesh(mesh, regions=by)[0]):
+        typer.echo(f"{row['name']}\t{row['faces']:,} faces\t{row['area']:.1%} of the surface")
 
 
 @app.command()

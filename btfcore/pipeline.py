@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +12,7 @@ from btfcore.errors import InvalidParameter
 from btfcore.phases import PhaseClock
 from btfcore.progress import Progress, between, silent
 from btfcore.quilt.parameters import QuiltParameters
+from btfcore.regions import Plan, RegionSamples, plan_samples
 from btfcore.types import Atlas, DenseMesh, Field, ImportReport, Mesh, Quilt, Sample
 
 if TYPE_CHECKING:
@@ -36,6 +37,8 @@ class Decorated:
     """Everything that one run made.
 
     `sample_notes` say what reading the sample changed; `engine` knows the seams' statistics.
+    `samples` are those that the quilt names, and `plan` says which region has which, where
+    there are several.
     """
 
     prepared: Prepared
@@ -45,13 +48,17 @@ class Decorated:
     quilt: Quilt
     engine: Synthesizer
     clock: PhaseClock
+    samples: tuple[Sample, ...] = ()
+    plan: Plan | None = None
 
 
-def load_mesh(path: str | Path, *, progress: Progress = silent) -> tuple[Mesh, ImportReport]:
-    """Read and repair a mesh file; raises `InvalidMesh` or `GuardedFailure`."""
+def load_mesh(
+    path: str | Path, *, regions: str = "auto", progress: Progress = silent
+) -> tuple[Mesh, ImportReport]:
+    """Read and repair a mesh file; raises `InvalidMesh`, `InvalidRegions`, `GuardedFailure`."""
     from btfcore.mesh.reader import read_mesh
 
-    return read_mesh(Path(path), progress=progress)
+    return read_mesh(Path(path), regions=regions, progress=progress)
 
 
 def load_sample(path: str | Path) -> Sample:
@@ -72,12 +79,12 @@ def load_sample_notes(path: str | Path) -> tuple[Sample, tuple[str, ...]]:
 
 
 def load_both(
-    mesh: str | Path, sample: str | Path, *, progress: Progress = silent
+    mesh: str | Path, sample: str | Path, *, regions: str = "auto", progress: Progress = silent
 ) -> tuple[Mesh, ImportReport, Sample, tuple[str, ...]]:
     """Read mesh and sample at the same time, each in its own guarded process."""
     with ThreadPoolExecutor(1) as pool:
         picture = pool.submit(load_sample_notes, sample)
-        loaded, report = load_mesh(mesh, progress=progress)
+        loaded, report = load_mesh(mesh, regions=regions, progress=progress)
         return loaded, report, *picture.result()
 
 
@@ -106,23 +113,38 @@ def prepare(
     return Prepared(mesh, atlas, dense, field)
 
 
-def synthesizer(prepared: Prepared, sample: Sample, parameters: QuiltParameters) -> Synthesizer:
-    """Return the quilting engine for a prepared mesh; call its `run`."""
+def synthesizer(
+    prepared: Prepared,
+    sample: Sample | Sequence[Sample],
+    parameters: QuiltParameters,
+    *,
+    plan: Plan | None = None,
+) -> Synthesizer:
+    """Return the quilting engine for a prepared mesh; call its `run`.
+
+    Several samples come with the `plan` that says where each goes.
+    """
     from btfcore.quilt.synthesize import Synthesizer
 
-    return Synthesizer(prepared.dense, prepared.field, sample, parameters)
+    if plan is None:
+        return Synthesizer(prepared.dense, prepared.field, sample, parameters)
+    layout = plan.layout(prepared.mesh, prepared.dense, prepared.field, parameters.border)
+    return Synthesizer(
+        prepared.dense, prepared.field, sample, parameters, layout=layout, scales=plan.scales
+    )
 
 
 def synthesize(
     prepared: Prepared,
-    sample: Sample,
+    sample: Sample | Sequence[Sample],
     *,
     parameters: QuiltParameters | None = None,
+    plan: Plan | None = None,
     progress: Progress = silent,
     on_update: Callable[[Quilt], None] | None = None,
 ) -> tuple[Quilt, Synthesizer]:
     """Cover the prepared mesh with `sample`; partial quilts go to `on_update`."""
-    engine = synthesizer(prepared, sample, parameters or QuiltParameters())
+    engine = synthesizer(prepared, sample, parameters or QuiltParameters(), plan=plan)
     return engine.run(progress=progress, on_update=on_update), engine
 
 
@@ -133,27 +155,50 @@ def decorate(
     rate: int = 512,
     parameters: QuiltParameters | None = None,
     guide: str | Path | None = None,
+    regions: RegionSamples | None = None,
     progress: Progress = silent,
 ) -> Decorated:
-    """From two files to a finished quilt; every phase is measured."""
+    """From two files to a finished quilt; every phase is measured.
+
+    regions : other samples for some regions of the mesh, and how the regions meet.
+    """
     clock = PhaseClock()
-    vectors = None
+    vectors = plan = None
+    asked = regions if regions is not None else RegionSamples()
     with clock.phase("import"):
         if guide is not None:
             from btfcore.field import read_guide
 
             vectors = read_guide(Path(guide))
         loaded, imported, picture, notes = load_both(
-            mesh, sample, progress=between(progress, 0.0, 0.12)
+            mesh, sample, regions=asked.way, progress=between(progress, 0.0, 0.12)
         )
+        samples: tuple[Sample, ...] = (picture,)
+        if not asked.plain:
+            plan = plan_samples(loaded, sample, asked)
+            samples, notes = _planned(plan, sample, picture, notes)
     prepared = prepare(
         loaded, rate=rate, guide=vectors, progress=between(progress, 0.12, 0.45), clock=clock
     )
     with clock.phase("quilt"):
         quilt, engine = synthesize(
-            prepared, picture, parameters=parameters, progress=between(progress, 0.45, 1.0)
-        )
-    return Decorated(prepared, imported, picture, notes, quilt, engine, clock)
+            prepared, samples, parameters=parameters, plan=plan,
+            progress=between(progress, 0.45, 1.0),
+        )  # fmt: skip
+    return Decorated(prepared, imported, samples[0], notes, quilt, engine, clock, samples, plan)
+
+
+def _planned(
+    plan: Plan, path: str | Path, first: Sample, notes: tuple[str, ...]
+) -> tuple[tuple[Sample, ...], tuple[str, ...]]:
+    """Samples of a plan, each file read once, and the notes of all."""
+    known = {Path(path): first}
+    notes += plan.notes
+    for file in plan.files:
+        if file not in known:
+            known[file], more = load_sample_notes(file)
+            notes += tuple(f"{file.name}: {note}" for note in more)
+    return tuple(known[file] for file in plan.files), notes
 
 
 def export_decorated(
@@ -162,7 +207,7 @@ def export_decorated(
     """Write the decorated mesh as .glb, .obj or .ply; the phase is measured as "export"."""
     with done.clock.phase("export"):
         return export(
-            path, done.prepared, done.quilt, done.sample,
+            path, done.prepared, done.quilt, done.samples or done.sample,
             dense_shape=dense_shape, progress=progress,
         )  # fmt: skip
 
@@ -171,7 +216,7 @@ def export(
     path: str | Path,
     prepared: Prepared,
     quilt: Quilt,
-    sample: Sample,
+    sample: Sample | Sequence[Sample],
     *,
     dense_shape: bool = False,
     progress: Progress = silent,
@@ -180,7 +225,7 @@ def export(
     from btfcore.files.export import export as write
     from btfcore.render.texture import vertex_colours
 
-    colours = vertex_colours(quilt, [sample])
+    colours = vertex_colours(quilt, [sample] if isinstance(sample, Sample) else sample)
     return write(
         Path(path), prepared.mesh, prepared.atlas, prepared.dense, colours,
         dense_shape=dense_shape, progress=progress,
