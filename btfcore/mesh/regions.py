@@ -67,6 +67,11 @@ def read_labels(path: Path, faces: int) -> Regions:
     `InvalidRegions` for a file that cannot be read, labels of another kind, negative ones,
     and another count than the mesh file's faces.
     """
+    if path.suffix.lower() not in (".json", ".npy"):
+        raise InvalidRegions(
+            f"{path.name!r} tells no regions: labels end in .json or .npy, other ways are"
+            f" {', '.join(WAYS)}"
+        )
     try:
         size = path.stat().st_size
         if size > _LARGEST_FILE:
@@ -76,16 +81,11 @@ def read_labels(path: Path, faces: int) -> Regions:
         data = path.read_bytes()
     except (OSError, ValueError) as error:
         raise InvalidRegions(f"{path.name}: the labels cannot be opened: {error}") from error
+    names = None
     if path.suffix.lower() == ".npy":
         labels = _npy(data, path.name)
-        names = None
-    elif path.suffix.lower() == ".json":
-        labels, names = _json(data, path.name)
     else:
-        raise InvalidRegions(
-            f"{path.name}: labels end in .json or .npy; other ways to tell regions are"
-            f" {', '.join(WAYS)}"
-        )
+        labels, names = _json(data, path.name)
     if len(labels) != faces:
         raise InvalidRegions(
             f"{path.name}: {len(labels):,} labels, but the mesh file has {faces:,} faces"
