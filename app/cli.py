@@ -108,7 +108,10 @@ def decorate(
     )
     asked = RegionSamples(regions, samples or (), region_scale or (), border or ())
     with reporter(quiet=quiet) as progress:
-        done = run(mesh, sample, rate=rate, parameters=parameters, guide=guide, regions=asked, progress=progress)
+        done = run(
+            mesh, sample, rate=rate, parameters=parameters, guide=guide, regions=asked,
+            progress=progress,
+        )  # fmt: skip
         progress(1.0, "export")
         export_decorated(output, done, dense_shape=dense)
         if save_quilt is not None:

@@ -220,9 +220,9 @@ def render_preview(
 
     The `views` stand side by side, or below each other where that shows a flat surface larger,
     the first once more with the `seams` texture where one is given; the `sample`, or
-    several while there is room, lies in the lower left corner. Saved as a PNG at `path` unless that is None;
-    raises `OutputFailed` where it cannot be written, leaving nothing half-written. Needs no
-    display.
+    several while there is room, lies in the lower left corner. Saved as a PNG at `path` unless
+    that is None; raises `OutputFailed` where it cannot be written, leaving nothing
+    half-written. Needs no display.
     """
     width, height = size
     strip = round(height * 0.22) if sample is not None else 0

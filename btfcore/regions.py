@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from btfcore.errors import InvalidRegions
-from btfcore.types import DenseMesh, Field, Mesh
+from btfcore.types import I4, DenseMesh, Field, Mesh
 
 if TYPE_CHECKING:
     from btfcore.quilt.layout import Borders, Layout
@@ -80,7 +80,7 @@ class Plan:
         return lay_out(net, vertex_regions(mesh, dense), self.sample, self.borders, width)
 
 
-def vertex_regions(mesh: Mesh, dense: DenseMesh) -> np.ndarray:
+def vertex_regions(mesh: Mesh, dense: DenseMesh) -> I4:
     """Region (N,) i4 of every vertex of the dense mesh: that of the face it lies on."""
     if mesh.region is None:
         return np.zeros(len(dense.face), np.int32)
@@ -142,9 +142,9 @@ def region_table(mesh: Mesh) -> list[dict[str, object]]:
     ]
 
 
-def _entries(option: str, entries: Sequence[str], names: Sequence[str]) -> Iterator[
-    tuple[str, str]
-]:
+def _entries(
+    option: str, entries: Sequence[str], names: Sequence[str]
+) -> Iterator[tuple[str, str]]:
     seen: set[str] = set()
     for entry in entries:
         # a name may hold "=" itself: the longest one that the mesh knows counts
@@ -166,8 +166,9 @@ def _pair(head: str, names: Sequence[str]) -> tuple[int, int]:
             if one == two:
                 raise InvalidRegions(f"--border {head!r}: region {names[one]!r} twice")
             return one, two
-    one, two = head.split("|", 1)
-    raise InvalidRegions(f"--border {head!r}: {_unknown(one if one not in names else two, names)}")
+    left, right = head.split("|", 1)
+    name = right if left in names else left
+    raise InvalidRegions(f"--border {head!r}: {_unknown(name, names)}")
 
 
 def _unknown(name: str, names: Sequence[str]) -> str:

@@ -105,8 +105,7 @@ def _named(index: I4, names: Sequence[str]) -> Regions:
     table = np.array(
         [known.setdefault(name or NAMELESS, len(known)) for name in (*names, NAMELESS)], np.int32
     )
-    label = table[index]
-    used, label = np.unique(label, return_inverse=True)
+    used, label = np.unique(table[index], return_inverse=True)
     called = list(known)
     return Regions(label.reshape(-1).astype(np.int32), tuple(called[each] for each in used))
 

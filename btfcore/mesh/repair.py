@@ -119,9 +119,7 @@ def _without_repeats(triangles: I4, notes: list[str]) -> tuple[I4, I8]:
     return triangles[proper[kept]], proper[kept]
 
 
-def _manifold(
-    points: F8, triangles: I4, tolerance: float, notes: list[str]
-) -> tuple[F8, I4, I8]:
+def _manifold(points: F8, triangles: I4, tolerance: float, notes: list[str]) -> tuple[F8, I4, I8]:
     """Split what is not manifold, and mend or drop faces of no area.
 
     A face changed by a flip comes from the face that covers its middle.

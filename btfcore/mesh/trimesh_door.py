@@ -31,7 +31,8 @@ def read(arrays: Arrays, options: Options) -> tuple[Arrays, Options]:
     Returns vertices (V, 3) f8 in world space and faces (F, 3) i4 in range; face, material and
     part (F,) i4, the face of the file that each triangle comes from and its groups, -1 where
     it has none; and options "notes", "faces" (how many the file has; with options["by_face"]
-    polygons of an OBJ count as one), "materials" and "parts" (their names). Raises `InvalidMesh` with the parser's own words where it gave up.
+    polygons of an OBJ count as one), "materials" and "parts" (their names). Raises
+    `InvalidMesh` with the parser's own words where it gave up.
     """
     path = Path(options["path"])
     kind = path.suffix.lower()[1:]
@@ -51,22 +52,26 @@ def read(arrays: Arrays, options: Options) -> tuple[Arrays, Options]:
     sizes = [len(triangles) for _, triangles in read_in.parts]
     if groups is not None and len(groups.face) == len(faces):
         face, material, part = groups.face, groups.material, groups.part
-        count, names = groups.faces, (groups.material_names, groups.part_names)
+        count, materials, names = groups.faces, groups.material_names, groups.part_names
     else:
         face = np.arange(len(faces), dtype=np.int32)
         part = np.repeat(np.arange(len(sizes), dtype=np.int32), sizes)
-        count, names, material = len(faces), (read_in.materials, read_in.names), part
-        if not read_in.names:
+        count, material = len(faces), part
+        materials, names = tuple(read_in.materials), tuple(read_in.names)
+        if not names:
             material = part = np.full(len(faces), -1, np.int32)
-    found = {"notes": notes, "faces": count, "materials": list(names[0]), "parts": list(names[1])}
+    found = {"notes": notes, "faces": count, "materials": materials, "parts": names}
     arrays = {"vertices": vertices, "faces": faces, "face": face}
     return arrays | {"material": material, "part": part}, found
 
 
 @dataclass
 class _Scene:
-    """(vertices in world space, faces) of every triangle mesh, with names of the parts and of
-    their materials, or the groups of one that is an OBJ file."""
+    """What a file shows.
+
+    parts: (vertices in world space, faces) of every triangle mesh; names, materials: what
+    each and its material is called; groups: those of an OBJ file, which is one part.
+    """
 
     parts: list[tuple[Any, Any]]
     names: list[str] = field(default_factory=list)
@@ -115,7 +120,7 @@ def _parts(path: Path, kind: str, notes: list[str], by_face: bool) -> _Scene:
         faces = np.asarray(faces)
         scene.parts.append((vertices, faces[:, ::-1] if mirrored else faces))
         scene.names.append(str(node))
-        scene.materials.append(material.get(key, ""))
+        scene.materials.append(material.get(str(key), ""))
     return scene
 
 

@@ -217,7 +217,9 @@ def test_a_glb_of_several_primitives_has_regions_by_material(tmp_path):
     path = tmp_path / "two.gltf"
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], "<f4")
     (tmp_path / "two.bin").write_bytes(
-        corners.tobytes() + np.array([0, 1, 2], "<u4").tobytes() + np.array([1, 3, 2], "<u4").tobytes()
+        corners.tobytes()
+        + np.array([0, 1, 2], "<u4").tobytes()
+        + np.array([1, 3, 2], "<u4").tobytes()
     )
     views = [(0, 48), (48, 12), (60, 12)]
     accessor = {"componentType": 5125, "count": 3, "type": "SCALAR"}
