@@ -14,7 +14,7 @@ class QuiltParameters:
     scale : 2 makes the pattern twice as large; at 1 a sample texel spans one dense-mesh step.
     seed : of everything random.
     work_patch : r_w, radius of a work patch in breadth-first levels; None ties it to the
-        sample's size (40 for 128 texels). Larger copies more of the sample, with fewer seams.
+        sample's size (48 for 128 texels). Larger copies more of the sample, with fewer seams.
     max_distortion : T_d, bound on a patch's area distortion (Zhou §III-B).
     max_seam : T_c, bound on the seam cost per seam edge over the sample's mean texel
         difference; None keeps the best of the placements tried without a bound.
