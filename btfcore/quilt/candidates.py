@@ -11,6 +11,7 @@ from btfcore.patch.connectivity import Connectivity
 from btfcore.patch.distortion import field_directions
 from btfcore.patch.flatten import FlatPatch, Flattener
 from btfcore.patch.resample import look_up, work_image
+from btfcore.quilt.beside import ColourMatcher
 from btfcore.quilt.fitting import Cut, fit, near_bare
 from btfcore.quilt.literal import RotatedMatcher
 from btfcore.quilt.matching import Matcher, Placement
@@ -59,6 +60,7 @@ class CandidateFinder:
         self.cuts = 0
         self._flattener = flattener
         self._matchers = [(Matcher(grid), RotatedMatcher(grid)) for grid in sheet.grids]
+        self._colours = ColourMatcher(net, sheet, state, parameters)
         self._take(0)
         if parameters.literal:
             for _, rotated in self._matchers:
@@ -86,7 +88,10 @@ class CandidateFinder:
         plane = (patch.plane[:, 0] + 1j * patch.plane[:, 1]) * mean.conjugate()
         heading = float(np.angle(mean))
         best: Candidate | None = None
-        for placement in self._placements(patch, plane, heading):
+        placements = self._placements(patch, plane, heading)
+        if self.state.layout is not None and not self.parameters.literal:
+            placements += self._beside_others(patch, plane)
+        for placement in placements:
             spun = plane * np.exp(1j * placement.turn) / self.grid.unit
             place = np.empty((len(plane), 2), np.float32)
             place[:, 0] = placement.column + spun.real
@@ -139,17 +144,19 @@ class CandidateFinder:
                         found.append(Placement(at.column, at.row, at.cost, float(angle)))
         if not found:
             height, width = self.grid.cut.shape[:2]
-            # beside another sample the cut chooses among some that know nothing of it
-            for _ in range(knobs.placements if self.state.beside(patch.order) else 1):
-                x, y = 0.35 + 0.3 * self._random.random(2)
-                found.append(Placement(float(x * (width - 1)), float(y * (height - 1)), 0.0))
-            return found
+            x, y = 0.35 + 0.3 * self._random.random(2)
+            return [Placement(float(x * (width - 1)), float(y * (height - 1)), 0.0)]
         found.sort(key=lambda placement: placement.cost)
         found = found[: knobs.placements]
         if knobs.literal or knobs.sway == 0.0:
             return found
         point = np.stack([plane.real, -plane.imag], axis=1)[known] / self.grid.unit
         return [self._registered(point, values[known], placement) for placement in found]
+
+    def _beside_others(self, patch: FlatPatch, plane: C16) -> list[Placement]:
+        point = np.stack([plane.real, -plane.imag], axis=1) / self.grid.unit
+        half = self._half(point[: patch.inner])
+        return self._colours.match(patch, self._flattener.local, point, half)
 
     def _registered(self, point: F8, values: F4, at: Placement) -> Placement:
         """Shift and turn a placement by less than a texel or two, to where it fits best."""
