@@ -8,7 +8,7 @@ from pathlib import Path
 
 from btfcore.errors import InvalidParameter
 
-STAGES = ("dense", "quilt", "bake", "factorize", "harmonics", "interpolation")
+STAGES = ("dense", "quilt", "growth", "mapping", "bake", "factorize", "harmonics", "interpolation")
 
 
 def run_bench(stage: str, *, write: bool, quick: bool) -> None:

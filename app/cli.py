@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from app.console import reporter, say
+from app.console import reporter, say, stoppable
 from app.sample_cli import sample_app
 from btfcore import __version__
 from btfcore.errors import Cancelled, PatinaError
@@ -60,6 +60,14 @@ def decorate(
         float | None,
         typer.Option(help="T_c, bound on a patch's seam cost per edge in texel differences."),
     ] = None,
+    view_weights: Annotated[
+        str,
+        typer.Option(help="What a BTF's views count: uniform, solid-angle, frontal, or a file."),
+    ] = "uniform",
+    light_weights: Annotated[
+        str,
+        typer.Option(help="What a BTF's lights count: uniform, solid-angle, frontal, or a file."),
+    ] = "uniform",
     samples: Annotated[
         list[str] | None,
         typer.Option("--sample", help="REGION=FILE: another sample for a region; repeatable."),
@@ -79,9 +87,19 @@ def decorate(
         typer.Option(help="REGION=2: the pattern twice as large there; repeatable."),
     ] = None,
     literal: Annotated[bool, typer.Option(help="The paper's way in every step.")] = False,
+    refine: Annotated[
+        float | None,
+        typer.Option(help="Seconds in which the worst seams are cut again with fresh placements."),
+    ] = None,
     dense: Annotated[bool, typer.Option(help="Export the dense mesh's shape.")] = False,
     preview: Annotated[Path | None, typer.Option(help="Picture of the result (PNG).")] = None,
-    save_quilt: Annotated[Path | None, typer.Option(help="The quilting map (NPZ).")] = None,
+    save_quilt: Annotated[
+        Path | None, typer.Option(help="The quilting map (NPZ), also where the run is cancelled.")
+    ] = None,
+    resume: Annotated[
+        Path | None,
+        typer.Option("--continue", help="Quilting map (NPZ) of a cancelled run, to go on with."),
+    ] = None,
     report: Annotated[Path | None, typer.Option(help="Figures of the run (JSON).")] = None,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
     verbose: Annotated[bool, typer.Option("-v", "--verbose", help="Print all figures.")] = False,
@@ -108,16 +126,31 @@ def decorate(
     )
     asked = RegionSamples(regions, samples or (), region_scale or (), border or ())
     with reporter(quiet=quiet) as progress:
-        done = run(
-            mesh, sample, rate=rate, parameters=parameters, guide=guide, regions=asked,
-            progress=progress,
-        )  # fmt: skip
-        progress(1.0, "export")
-        export_decorated(output, done, dense_shape=dense)
-        if save_quilt is not None:
-            from btfcore.files.quilt_npz import write_quilt_npz
+        with stoppable(progress) as heeding:
+            done = run(
+                mesh, sample, rate=rate, parameters=parameters, guide=guide, start=resume,
+                view_weights=view_weights, light_weights=light_weights,
+                partial=save_quilt is not None, refine_s=refine, regions=asked,
+                progress=heeding,
+            )  # fmt: skip
+            if save_quilt is not None:  # before anything else, so that nothing can lose it
+                from btfcore.files.quilt_npz import write_quilt_npz
 
-            write_quilt_npz(save_quilt, done.prepared.dense, done.prepared.field, done.quilt)
+                write_quilt_npz(save_quilt, done.prepared.dense, done.prepared.field, done.quilt)
+            if done.complete:
+                progress(1.0, "export")
+                export_decorated(
+                    output, done, dense_shape=dense,
+                    progress=lambda fraction, label: heeding(1.0, label),
+                )  # fmt: skip
+        if not done.complete:
+            share = float((done.quilt.patch >= 0).mean())
+            say(
+                f"patina: cancelled with {share:.0%} covered; {save_quilt} holds that,"
+                f" go on with --continue {save_quilt}",
+                error=True,
+            )
+            raise typer.Exit(130)
         if preview is not None:
             progress(1.0, "preview")
             from app.preview import preview_decorated

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import signal
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import FrameType
 
 import typer
 
+from btfcore.errors import Cancelled
 from btfcore.progress import Progress, silent
 
 
@@ -39,3 +43,33 @@ def reporter(*, quiet: bool) -> Iterator[Progress]:
             bar.update(task, completed=fraction, description=label)
 
         yield progress
+
+
+@contextmanager
+def stoppable(progress: Progress) -> Iterator[Progress]:
+    """Turn Ctrl-C and SIGTERM into `Cancelled` at the next call of the progress yielded.
+
+    Work is thus left between two steps, in order, and what there is can still be saved. A
+    second signal interrupts at once.
+    """
+    asked = threading.Event()
+
+    def ask(number: int, frame: FrameType | None) -> None:
+        if asked.is_set():
+            raise KeyboardInterrupt
+        asked.set()
+
+    def inner(fraction: float, label: str) -> None:
+        if asked.is_set():
+            raise Cancelled
+        progress(fraction, label)
+
+    if threading.current_thread() is not threading.main_thread():  # signals are not ours there
+        yield progress
+        return
+    before = {each: signal.signal(each, ask) for each in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield inner
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)

@@ -27,6 +27,7 @@ class Verbs(Protocol):
     def open_mesh(self, path: Path) -> None: ...  # noqa: D102
     def synthesize(self) -> None: ...  # noqa: D102
     def cancel(self) -> None: ...  # noqa: D102
+    def pause(self) -> None: ...  # noqa: D102
     def frame(self) -> None: ...  # noqa: D102
     def about(self) -> None: ...  # noqa: D102
     def close(self) -> bool: ...  # noqa: D102
@@ -70,12 +71,14 @@ class Menus:
         self._add(view, _tr("&Frame the mesh"), verbs.frame, QKeySequence("F"))
         run = _menu(bar.addMenu(_tr("&Synthesis")))
         self.start = self._add(run, _tr("&Synthesize"), verbs.synthesize, QKeySequence("Ctrl+R"))
+        self.pause = self._add(run, _tr("&Pause"), verbs.pause, QKeySequence("Ctrl+P"))
+        self.pause.setCheckable(True)
         self.stop = self._add(run, _tr("&Cancel"), verbs.cancel, QKeySequence("Esc"))
         help_menu = _menu(bar.addMenu(_tr("&Help")))
         self._add(help_menu, _tr("&About Patina"), verbs.about)
         for changed in (
             document.mode_changed, document.picture_changed, document.result_changed,
-            document.sample_chosen, document.mesh_changed, tasks.idle, tasks.started,
+            document.sample_chosen, document.mesh_changed, tasks.idle, tasks.started, tasks.held,
         ):  # fmt: skip
             changed.connect(self._refresh)
         self._refresh()
@@ -126,6 +129,8 @@ class Menus:
         ready = document.opened is not None and document.sample_path is not None
         self.start.setEnabled(ready and not busy)
         self.stop.setEnabled(busy)
+        self.pause.setEnabled(busy)
+        self.pause.setChecked(self._tasks.paused)
         self.export.setEnabled(document.decoration is not None and not busy)
 
     def _add(

@@ -89,7 +89,10 @@ class Operations(QObject):
             start = time.monotonic()
             parameters = knobs.quilting()
             progress(0.0, "reading the sample")
-            sample = known[1] if known and known[0] == path else pipeline.load_sample(path)
+            if known and known[0] == path:
+                sample = known[1]
+            else:
+                sample = pipeline.load_sample(path, progress=between(progress, 0.0, 0.02))
             report("sample", (path, sample))
             here = canvas or _prepare(opened, knobs.rate, between(progress, 0.02, 0.4))
             report("canvas", (opened, knobs.rate, here))
@@ -103,7 +106,7 @@ class Operations(QObject):
                 progress=between(progress, begin, 0.98), on_update=show,
             )  # fmt: skip
             progress(0.99, "measuring the seams")
-            seams = measure_seams(engine.net, engine.state, engine.grid)
+            seams = measure_seams(engine.net, engine.state, engine.sheet)
             patches, seconds = engine.statistics.patches, time.monotonic() - start
             report("frame", self._pictures(here, sample, quilt))
             return Decoration(here, sample, quilt, patches, seams, seconds)
@@ -155,6 +158,10 @@ class Operations(QObject):
     def cancel(self) -> None:
         """Stop what runs; the document stays as it was before."""
         self.work.cancel()
+
+    def pause(self) -> None:
+        """Let what runs wait, or go on where it waits already."""
+        self.work.pause(not self.work.paused)
 
     def close(self) -> None:
         """Stop everything and wait until no thread of ours runs."""

@@ -14,7 +14,7 @@ from btfcore.progress import Progress
 
 SHOW_S = 0.04  # progress is told no oftener than this
 
-PATIENCE_MS = 250  # how long a cancelled job may take to notice before it is left to itself
+PATIENCE_MS = 150  # how long a cancelled job may take to notice before it is left to itself
 FRAME_MS = 200  # pause between droppable reports, so that drawing them slows no job down
 
 
@@ -35,12 +35,14 @@ class Tasks(QObject):
     """Runs jobs one after the other in a worker thread; every signal arrives on its own thread.
 
     progressed(fraction, label, seconds left or -1) ; reported(name, value): partial results ;
-    then exactly one of finished(value), failed(text), cancelled() ; and idle() after it.
+    held(True) when a job is paused and held(False) when it goes on ; then exactly one of
+    finished(value), failed(text), cancelled() ; and idle() after it.
     """
 
     started = pyqtSignal(str)
     progressed = pyqtSignal(float, str, float)
     reported = pyqtSignal(str, object)
+    held = pyqtSignal(bool)
     finished = pyqtSignal(str, object)
     failed = pyqtSignal(str, str)
     cancelled = pyqtSignal(str)
@@ -58,6 +60,21 @@ class Tasks(QObject):
     def busy(self) -> bool:
         """A job is running or its end has not been told yet."""
         return self._running is not None
+
+    @property
+    def paused(self) -> bool:
+        """The running job was asked to wait."""
+        return self._running is not None and not self._running.go.is_set()
+
+    def pause(self, wait: bool = True) -> None:
+        """Let the running job wait at its next call of progress, or go on."""
+        worker = self._running
+        if worker is not None and self.paused != wait:
+            if wait:
+                worker.go.clear()
+            else:
+                worker.go.set()
+            self.held.emit(wait)
 
     def start(self, name: str, job: Job, *, harmless: bool = True) -> bool:
         """Run ``job(progress, report)`` in the background; False where one is running.
@@ -81,6 +98,7 @@ class Tasks(QObject):
         worker = self._running
         if worker is not None:
             worker.stop.set()
+            worker.go.set()
             if worker.harmless:
                 QTimer.singleShot(PATIENCE_MS, lambda: self._abandon(worker))
 
@@ -142,6 +160,8 @@ class _Worker(QRunnable):
         self.name, self.harmless = name, harmless
         self.signals = _Signals()
         self.stop = threading.Event()
+        self.go = threading.Event()  # cleared while paused
+        self.go.set()
         self.shown = threading.Event()  # the window has taken the last report
         self.shown.set()
         self._job: Job | None = job
@@ -169,6 +189,10 @@ class _Worker(QRunnable):
         self.signals.ended.emit(self, outcome, value)
 
     def _progress(self, fraction: float, label: str) -> None:
+        if not self.go.is_set():
+            before = time.monotonic()
+            self.go.wait()
+            self._clock.skip(time.monotonic() - before)
         if self.stop.is_set():
             raise Cancelled
         now = time.monotonic()
@@ -190,6 +214,10 @@ class Clock:
     def __init__(self) -> None:
         """Start without an estimate."""
         self._marks: list[tuple[float, float]] = []
+
+    def skip(self, seconds: float) -> None:
+        """Leave out a pause of `seconds` that has just ended."""
+        self._marks = [(when + seconds, fraction) for when, fraction in self._marks]
 
     def left(self, fraction: float, now: float) -> float:
         """Seconds left, or -1 while nothing can be said (`now` in seconds, any origin)."""

@@ -118,6 +118,7 @@ class Window(QMainWindow):
         self.samples.folder_wanted.connect(self.ask_folder)
         self.run.wanted.connect(self.synthesize)
         self.run.cancel_wanted.connect(self.cancel)
+        self.run.pause_wanted.connect(self.pause)
         self.run.export_wanted.connect(self.ask_export)
         self.document.mesh_changed.connect(self._show_mesh)
         self.document.result_changed.connect(self._show_result)
@@ -136,6 +137,10 @@ class Window(QMainWindow):
     def cancel(self) -> None:
         """Stop what runs."""
         self.operations.cancel()
+
+    def pause(self) -> None:
+        """Let what runs wait, or go on."""
+        self.operations.pause()
 
     def frame(self) -> None:
         """Bring the whole mesh into view."""

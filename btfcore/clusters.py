@@ -15,9 +15,11 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from btfcore.mesh.topology import edges
+from btfcore.progress import Progress, between, silent
 from btfcore.types import F8, I4, DenseMesh, Frozen
 
 TARGET = 4000  # clusters aimed at
+_LABEL = "orientation field"
 CONE = 0.5  # cosine of the widest angle between a cluster's first normal and its others
 
 
@@ -45,24 +47,30 @@ class Clusters(Frozen):
     indices: I4
 
 
-def gather_clusters(dense: DenseMesh, normals: F8, *, target: int = TARGET) -> Clusters:
+def gather_clusters(
+    dense: DenseMesh, normals: F8, *, target: int = TARGET, progress: Progress = silent
+) -> Clusters:
     """Join the vertices of `dense` to about `target` clusters of similar size and normal.
 
     normals : (N, 3) f8 unit, those of `dense` made safe. A mesh of at most `target` vertices
     keeps every vertex as a cluster of its own.
     """
     count = len(dense.vertices)
-    pairs, _ = edges(dense.faces)
+    pairs, _ = edges(dense.faces, progress=between(progress, 0.0, 0.5))
+    progress(0.5, _LABEL)
     indptr, indices = neighbours(pairs, count)
+    progress(0.6, _LABEL)
     size = count / target
     # a hexagonal disk of r levels has 3r(r + 1) + 1 vertices; greedy disks overlap by a third
     levels = 0 if size <= 1 else max(1, round(float(np.sqrt(size / 2))))
     of = _grow(indptr, indices, normals, levels)
+    progress(0.75, _LABEL)
     clusters = int(of.max()) + 1
     area = np.bincount(of, minlength=clusters).astype(np.float64)
     points = _means(of, dense.vertices, area)
     normals = _means(of, normals, area)
     normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-30)[:, None]
+    progress(0.85, _LABEL)
     links, border = _borders(of[pairs], clusters)
     apart = np.linalg.norm(points[links[:, 0]] - points[links[:, 1]], axis=1)
     graph = coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(clusters,) * 2)

@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from btfcore.progress import Progress, blocks, silent
 from btfcore.types import F4, F8, I4
 
 C16 = NDArray[np.complex128]
@@ -48,14 +49,17 @@ def transports(normals: F8, pairs: I4) -> C16:
     return turn
 
 
-def face_indices(normals: F4, tangents: F4, faces: I4) -> I4:
+def face_indices(normals: F4, tangents: F4, faces: I4, *, progress: Progress = silent) -> I4:
     """How often a direction field turns around in each triangle, (G,) i4; usually 0.
 
     normals, tangents : (N, 3) f4 unit and orthogonal. On a closed component the indices sum
     to the Euler number (Poincaré and Hopf), as the turns along edges cancel and the areas of
     the normals' triangles sum to the total curvature.
     """
-    return _face_indices(normals, tangents, faces)
+    out = np.zeros(len(faces), np.int32)
+    for begin, end in blocks(len(faces), 1 << 20, progress, "singularities"):
+        _face_indices(normals, tangents, faces[begin:end], out[begin:end])
+    return out
 
 
 @njit(cache=True)
@@ -68,8 +72,7 @@ def _turn(n0: F8, s0: F8, n1: F8, s1: F8) -> float:
 
 
 @njit(cache=True)
-def _face_indices(normals: F4, tangents: F4, faces: I4) -> I4:
-    out = np.zeros(len(faces), np.int32)
+def _face_indices(normals: F4, tangents: F4, faces: I4, out: I4) -> None:
     n = np.empty((3, 3))
     s = np.empty((3, 3))
     for face in range(len(faces)):
@@ -100,4 +103,3 @@ def _face_indices(normals: F4, tangents: F4, faces: I4) -> I4:
         dots = (n[0] * n[1]).sum() + (n[1] * n[2]).sum() + (n[2] * n[0]).sum()
         area = 2.0 * np.arctan2(triple, 1.0 + dots)
         out[face] = np.int32(np.rint((total + area) / (2.0 * np.pi)))
-    return out

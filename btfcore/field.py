@@ -7,9 +7,9 @@ import numpy as np
 from btfcore.clusters import Clusters, gather_clusters, neighbours
 from btfcore.connection import face_indices
 from btfcore.guide import Guide, read_guide, spanned
-from btfcore.progress import Progress, silent
+from btfcore.progress import Progress, between, silent
 from btfcore.spread import blended, filled
-from btfcore.types import F4, F8, DenseMesh, Field, Mesh
+from btfcore.types import F4, F8, I4, DenseMesh, Field, Mesh
 from btfcore.upright import upright_tangents
 
 __all__ = ["Guide", "orientation_field", "read_guide", "singularities"]
@@ -39,7 +39,8 @@ def orientation_field(
     """
     progress(0.0, "orientation field")
     normals = _unit_normals(dense.normals)
-    clusters = gather_clusters(dense, normals)
+    progress(0.0, "orientation field")
+    clusters = gather_clusters(dense, normals, progress=between(progress, 0.0, 0.3))
     progress(0.3, "orientation field")
     if guide is not None:
         drawn = spanned(guide, dense.vertices, diagonal=mesh.diagonal)
@@ -53,16 +54,27 @@ def orientation_field(
         progress(0.4, "orientation field")
         solved = upright_tangents(clusters, up=axes[0], away=axes[1])
         progress(0.8, "orientation field")
-        tangents[blank] = _spread(clusters, dense, normals, solved)[blank]
+        spread = _spread(clusters, dense, normals, solved, between(progress, 0.8, 0.9))
+        tangents = np.where(np.reshape(blank, (-1, 1)), spread, tangents)
+    progress(0.9, "orientation field")
     single = tangents.astype(np.float32)
-    field = Field(single, singularities(dense, single))
+    progress(0.92, "orientation field")
+    index = face_indices(
+        normals.astype(np.float32), single, dense.faces, progress=between(progress, 0.92, 1.0)
+    )
+    field = Field(single, _centres(dense, index))
     progress(1.0, "orientation field")
     return field
 
 
 def singularities(dense: DenseMesh, tangents: F4) -> F8:
     """Centres (S, 3) f8 of the triangles around which `tangents` turn around."""
-    index = face_indices(_unit_normals(dense.normals).astype(np.float32), tangents, dense.faces)
+    normals = _unit_normals(dense.normals).astype(np.float32)
+    return _centres(dense, face_indices(normals, tangents, dense.faces))
+
+
+def _centres(dense: DenseMesh, index: I4) -> F8:
+    """Middles of the faces whose index is not 0."""
     return dense.vertices[dense.faces[index != 0]].mean(axis=1)
 
 
@@ -91,11 +103,13 @@ def _tangential(vectors: F8, normals: F8) -> F8:
     return np.where(good[:, None], flat / np.maximum(length, 1e-12)[:, None], 0.0)
 
 
-def _spread(clusters: Clusters, dense: DenseMesh, normals: F8, tangents: F8) -> F8:
+def _spread(
+    clusters: Clusters, dense: DenseMesh, normals: F8, tangents: F8, progress: Progress
+) -> F8:
     """Tangents of the vertices, blended from those of their own and the touching clusters."""
     indptr, indices = neighbours(clusters.edges, len(clusters.area))
     reach = np.maximum(2.0 * clusters.spacing, 1e-300)
     return blended(
         clusters.of, indptr, indices, clusters.points, clusters.normals, clusters.area, tangents,
-        dense.vertices, normals, reach,
+        dense.vertices, normals, reach, progress=progress,
     )  # fmt: skip

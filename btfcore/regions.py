@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from btfcore.errors import InvalidRegions
+from btfcore.progress import Progress, silent
 from btfcore.types import I4, DenseMesh, Field, Mesh
 
 if TYPE_CHECKING:
@@ -71,12 +72,20 @@ class Plan:
     borders: Borders
     notes: tuple[str, ...] = field(default=())
 
-    def layout(self, mesh: Mesh, dense: DenseMesh, orientation: Field, width: int) -> Layout:
+    def layout(
+        self,
+        mesh: Mesh,
+        dense: DenseMesh,
+        orientation: Field,
+        width: int,
+        *,
+        progress: Progress = silent,
+    ) -> Layout:
         """Lay the samples out on a dense mesh of `mesh`; see `btfcore.quilt.layout`."""
         from btfcore.patch.connectivity import connect
         from btfcore.quilt.layout import lay_out
 
-        net = connect(dense, orientation)
+        net = connect(dense, orientation, progress=progress)
         return lay_out(net, vertex_regions(mesh, dense), self.sample, self.borders, width)
 
 

@@ -21,8 +21,9 @@ def run_report(done: Decorated) -> dict[str, Any]:
 
     `seams.per_edge` is the mean of ½ V_pq (Zhou §IV-A) over the sample's mean texel
     difference, `seams.per_vertex` their sum per vertex over the mean difference of random
-    texels.
+    texels. `quilt.worst_patches` are described in `btfcore.quilt.ledger`.
     """
+    from btfcore.quilt.ledger import reductions, worst_patches
     from btfcore.quilt.measure import measure_seams
 
     engine, prepared = done.engine, done.prepared
@@ -59,6 +60,9 @@ def run_report(done: Decorated) -> dict[str, Any]:
             "shrinks": counts.shrinks,
             "trims_for_the_field": counts.trims,
             "cuts": counts.cuts,
+            "patches_continued": engine.continued,
+            "reduced_for": reductions(engine.ledger),
+            "worst_patches": worst_patches(engine, prepared.dense, prepared.field),
             "covered": counts.covered,
             "orientation_error_deg": {
                 "median": float(np.median(angle)),
@@ -67,6 +71,7 @@ def run_report(done: Decorated) -> dict[str, Any]:
         },
         "seams": asdict(seams),
         **(region_report(done) if done.plan is not None else {}),
+        "refinement": None if done.refinement is None else asdict(done.refinement),
         "phases": done.clock.figures,
     }
 

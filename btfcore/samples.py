@@ -11,6 +11,7 @@ import numpy as np
 from btfcore.btf.appearance import quilting_sample
 from btfcore.btf.directions import to_angles
 from btfcore.btf.sample import BtfSample, Encoding
+from btfcore.btf.weights import Weights
 from btfcore.errors import InvalidBtf
 from btfcore.files.samples import open_sample, read_pbr_sized
 from btfcore.progress import Progress, between, silent
@@ -211,8 +212,18 @@ def _check_alike(sample: BtfSample, reference: BtfSample) -> None:
 
 
 def load_quilting_sample(
-    path: str | Path, *, progress: Progress = silent
+    path: str | Path,
+    *,
+    view_weights: Weights = None,
+    light_weights: Weights = None,
+    progress: Progress = silent,
 ) -> tuple[Sample, tuple[str, ...]]:
-    """Open a sample of any kind for quilting, and the notes that reading it left."""
+    """Open a sample of any kind for quilting, and the notes that reading it left.
+
+    See `btfcore.btf.appearance.quilting_sample` for the weights.
+    """
     sample = open_sample(path)
-    return quilting_sample(sample, progress=progress), sample.notes
+    ready = quilting_sample(
+        sample, view_weights=view_weights, light_weights=light_weights, progress=progress
+    )
+    return ready, sample.notes

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from btfcore.progress import Progress, blocks, silent
 from btfcore.types import F8, I4
 
 
@@ -38,10 +39,10 @@ def _finish(total: F8, normal: F8) -> bool:
     return True
 
 
-@njit(cache=True)
-def blended(  # type: ignore[no-untyped-def]
-    of, indptr, indices, centres, middle, area, tangents, vertices, normals, reach
-):
+def blended(
+    of: I4, indptr: I4, indices: I4, centres: F8, middle: F8, area: F8, tangents: F8,
+    vertices: F8, normals: F8, reach: F8, *, progress: Progress = silent,
+) -> F8:  # fmt: skip
     """Blend the clusters' tangents at the vertices, (N, 3) f8 unit.
 
     of (N,): own cluster; indptr, indices: touching clusters; centres, middle, area, tangents:
@@ -49,8 +50,20 @@ def blended(  # type: ignore[no-untyped-def]
     centre is, up to `reach` (C,).
     """
     out = np.empty((len(of), 3))
+    for begin, end in blocks(len(of), 1 << 19, progress, "orientation field"):
+        _blend(
+            of, indptr, indices, centres, middle, area, tangents, vertices, normals, reach,
+            begin, end, out,
+        )  # fmt: skip
+    return out
+
+
+@njit(cache=True)
+def _blend(  # type: ignore[no-untyped-def]
+    of, indptr, indices, centres, middle, area, tangents, vertices, normals, reach, begin, end, out
+):
     total = np.empty(3)
-    for vertex in range(len(of)):
+    for vertex in range(begin, end):
         own = of[vertex]
         total[:] = 0.0
         for slot in range(indptr[own] - 1, indptr[own + 1]):
@@ -67,7 +80,6 @@ def blended(  # type: ignore[no-untyped-def]
             if not _finish(total, normals[vertex]):
                 _any_tangent(total, normals[vertex])
         out[vertex] = total
-    return out
 
 
 @njit(cache=True)

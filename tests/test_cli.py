@@ -106,6 +106,8 @@ def test_same_seed_same_file_for_any_thread_count(run, tmp_path, mesh, sample):
         ({"rate": "3"}, "rate is 3"),
         ({"scale": "-1"}, "scale is -1"),
         ({"guide": "nowhere.json"}, "nowhere.json"),
+        ({"view-weights": "fronta"}, "'fronta'"),
+        ({"light-weights": "nowhere.csv"}, "nowhere.csv"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_status_2(tmp_path, mesh, sample, change, words):
@@ -114,7 +116,8 @@ def test_bad_input_is_one_line_and_exit_status_2(tmp_path, mesh, sample, change,
     if change.get("output"):
         value["output"] = tmp_path / change["output"]
     options = ["--rate", value["rate"], "--scale", value["scale"]]
-    options += ["--guide", value["guide"]] if "guide" in value else []
+    for name in {"guide", "view-weights", "light-weights"} & value.keys():
+        options += [f"--{name}", value[name]]
     done = patina("decorate", value["mesh"], value["sample"], "-o", value["output"], *options)
     assert done.returncode == 2, done.stderr
     assert words in done.stderr and done.stderr.startswith("patina: ")
@@ -134,3 +137,55 @@ def test_interrupting_leaves_nothing_half_written(tmp_path, mesh, sample):
     _, error = child.communicate(timeout=60)
     assert child.returncode == 130, error
     assert list(tmp_path.iterdir()) == []
+
+
+STOPPED = """
+import os, sys
+from btfcore.quilt.synthesize import Synthesizer
+lay, number = Synthesizer._patch_at, int(sys.argv.pop())
+def lay_or_stop(self, vertex):
+    if self.state.patches == 3:
+        os.kill(os.getpid(), number)
+    return lay(self, vertex)
+Synthesizer._patch_at = lay_or_stop
+from app.__main__ import main
+main()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_stopped_run_leaves_its_quilt_and_is_gone_on_with(tmp_path, mesh, sample, number):
+    quilt, output = tmp_path / "q.npz", tmp_path / "o.glb"
+    words = ["decorate", mesh, sample, "-o", output, "--rate", 128]
+    done = subprocess.run(
+        [sys.executable, "-c", STOPPED, *map(str, words), "--save-quilt", str(quilt),
+         str(int(number))],
+        cwd=ROOT, capture_output=True, text=True, timeout=240,
+    )  # fmt: skip
+    assert done.returncode == 130, done.stderr
+    assert "covered" in done.stderr and str(quilt) in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert list(tmp_path.iterdir()) == [quilt]
+    with np.load(quilt, allow_pickle=False) as stored:
+        begun = {name: stored[name] for name in ("patch", "source")}
+    assert begun["patch"].max() == 3 and (begun["patch"] < 0).any()
+    if number == signal.SIGTERM:
+        return
+    other = patina(*words[:-1], 96, "--continue", quilt)
+    assert other.returncode == 2 and "another mesh or rate" in other.stderr
+    larger = patina(*words, "--continue", quilt, "--scale", 3)
+    assert larger.returncode == 2 and "scale" in larger.stderr
+    assert list(tmp_path.iterdir()) == [quilt]
+    done = patina(
+        *words, "--continue", quilt, "--save-quilt", quilt, "--report", tmp_path / "r.json"
+    )
+    assert done.returncode == 0, done.stderr
+    with np.load(quilt, allow_pickle=False) as stored:
+        assert (stored["patch"] >= 0).all()
+        kept = (begun["patch"] >= 0) & (stored["patch"] == begun["patch"])
+        assert kept.any() and (stored["patch"] > 3).any()
+        np.testing.assert_allclose(stored["source"][kept], begun["source"][kept], atol=1e-3)
+    report = json.loads((tmp_path / "r.json").read_text())
+    assert report["quilt"]["patches_continued"] == 4 and report["quilt"]["covered"] == 1.0
+    assert output.read_bytes()[:4] == b"glTF"

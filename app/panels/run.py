@@ -11,10 +11,11 @@ from app.theme import named
 
 
 class RunPanel(QWidget):
-    """Synthesize, a bar of progress with the phase's name and the time left, and Cancel."""
+    """Synthesize, a bar of progress with phase and time left, Pause and Cancel."""
 
     wanted = pyqtSignal()
     cancel_wanted = pyqtSignal()
+    pause_wanted = pyqtSignal()
     export_wanted = pyqtSignal()
 
     def __init__(self, document: Document, tasks: Tasks, parent: QWidget | None = None) -> None:
@@ -30,12 +31,16 @@ class RunPanel(QWidget):
         self.cancel = QPushButton(self.tr("Cancel"))
         self.cancel.setToolTip(self.tr("Stop and go back to the state before (Esc)"))
         self.cancel.clicked.connect(self.cancel_wanted)
+        self.pause = QPushButton(self.tr("Pause"))
+        self.pause.setToolTip(self.tr("Wait, and go on later (Ctrl+P)"))
+        self.pause.clicked.connect(self.pause_wanted)
         self.bar = QProgressBar()
         self.bar.setRange(0, 1000)
         self.bar.setAccessibleName(self.tr("Progress"))
         self.label = named(QLabel(), "faint")
         below = QHBoxLayout()
         below.addWidget(self.bar, 1)
+        below.addWidget(self.pause)
         below.addWidget(self.cancel)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
@@ -48,6 +53,7 @@ class RunPanel(QWidget):
         tasks.cancelled.connect(lambda name: self._say(self.tr("Cancelled.")))
         tasks.failed.connect(lambda name, text: self._say(self.tr("Failed; see above.")))
         tasks.finished.connect(self._finished)
+        tasks.held.connect(self._held)
         tasks.idle.connect(self._refresh)
         for changed in (document.mesh_changed, document.sample_chosen, document.result_changed):
             changed.connect(self._refresh)
@@ -66,6 +72,8 @@ class RunPanel(QWidget):
         self.start.setToolTip(" ".join(missing) or ready)
         self.bar.setVisible(busy)
         self.cancel.setVisible(busy)
+        self.pause.setVisible(busy)
+        self.pause.setText(self.tr("Go on") if self._tasks.paused else self.tr("Pause"))
         self.export.setVisible(not busy)
         self.export.setEnabled(document.decoration is not None)
         if missing and not busy:
@@ -92,8 +100,15 @@ class RunPanel(QWidget):
         self.label.setText(names.get(name, self.tr("Starting")))
         self._refresh()
 
+    def _held(self, paused: bool) -> None:
+        if paused:
+            self.label.setText(self.tr("Paused"))
+        self._refresh()
+
     def _progressed(self, fraction: float, label: str, left: float) -> None:
         self.bar.setValue(round(fraction * 1000))
+        if self._tasks.paused:  # told just before it stopped
+            return
         text = label[:1].upper() + label[1:]
         if left >= 0:
             text = self.tr("{0} · {1} left").format(text, _duration(left))

@@ -9,8 +9,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from btfcore.mesh.topology import fans, find, join, sorted_half_edges, twins
+from btfcore.progress import Progress, blocks, silent
 from btfcore.types import I4, I8, Frozen
 
+_LABEL = "checking the mesh"
 Flags = NDArray[np.bool_]
 
 
@@ -42,13 +44,16 @@ def input_counts(faces: I4, twin: I4, component: I4, vertices: int) -> Counts:
     )
 
 
-def dense_counts(faces: I4, border: Flags, component: I4, count: int) -> tuple[Counts, Flags]:
+def dense_counts(
+    faces: I4, border: Flags, component: I4, count: int, *, progress: Progress = silent
+) -> tuple[Counts, Flags]:
     """Counts of a dense mesh, and its vertices at which it is no manifold: (N,) bool.
 
     border (N,) bool marks the vertices on texel walks: all others lie inside the grid, so
     only triangles that touch a border are looked at one by one. component (N,) i4.
     """
     near = faces[border[faces].any(axis=1)]
+    progress(0.3, _LABEL)
     wrong = np.zeros(len(border), bool)
     low, high, order = sorted_half_edges(near)
     single, crowded = _runs(near.reshape(-1), low, high, order)
@@ -62,9 +67,11 @@ def dense_counts(faces: I4, border: Flags, component: I4, count: int) -> tuple[C
     rim = np.flatnonzero(single & known)
     corner = near.reshape(-1)
     ends = np.stack([corner[rim], np.roll(near, -1, axis=1).reshape(-1)[rim]], axis=1)
+    progress(0.5, _LABEL)
     number = np.bincount(component[faces[:, 0]], minlength=count)
     used = np.zeros(len(border), bool)
-    used[faces] = True
+    for begin, end in blocks(len(faces), 1 << 20, progress, _LABEL, 0.6, 0.9):
+        used[faces[begin:end]] = True
     open_ = np.bincount(component[ends[:, 0]], minlength=count)
     points = np.bincount(component[used], minlength=count)
     euler = points + number - (3 * number + open_) // 2

@@ -13,6 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from btfcore.dense.cut import Pieces, after
+from btfcore.progress import Progress, silent
 from btfcore.types import F8, I4, Frozen
 
 U1 = NDArray[np.uint8]
@@ -39,7 +40,9 @@ class TexelGrid(Frozen):
     faces: I4
 
 
-def build_grid(uv: F8, pieces: Pieces, face: I4, points: F8) -> TexelGrid:
+def build_grid(
+    uv: F8, pieces: Pieces, face: I4, points: F8, *, progress: Progress = silent
+) -> TexelGrid:
     """Two triangles per full block of 2 x 2 texels, one where three of them are covered.
 
     face (size, size) i4 as `rasterise` gives it; points (N, 3) f8: texels' places on the
@@ -47,11 +50,16 @@ def build_grid(uv: F8, pieces: Pieces, face: I4, points: F8) -> TexelGrid:
     joined where the border of their own piece runs between them (a notch or a slit).
     """
     number = np.full(face.shape, -1, np.int32)
-    covered = face >= 0
-    number[covered] = np.arange(int(covered.sum()), dtype=np.int32)
-    texel = np.argwhere(covered).astype(np.int32)
-    piece = pieces.piece[face[covered]]
+    covered = np.flatnonzero(face >= 0)
+    number.reshape(-1)[covered] = np.arange(len(covered), dtype=np.int32)
+    progress(0.2, "joining texels")
+    texel = np.empty((len(covered), 2), np.int32)
+    texel[:, 0], texel[:, 1] = np.divmod(covered, face.shape[1])
+    progress(0.3, "joining texels")
+    piece = pieces.piece[face.reshape(-1)[covered]]
+    progress(0.5, "joining texels")
     wall = _walls(np.ascontiguousarray(uv), pieces.piece, pieces.inner, number, piece)
+    progress(0.6, "joining texels")
     edges, filled, faces = _blocks(number, piece, wall, np.ascontiguousarray(points))
     return TexelGrid(number, texel, piece, edges, filled, faces)
 

@@ -6,12 +6,16 @@ import numpy as np
 from numba import njit
 
 from btfcore.errors import InvalidParameter
+from btfcore.progress import Progress, silent
 from btfcore.types import F8, I4
 
+_TEXELS = 1 << 18  # sampled between two calls of progress
 _INSIDE = -1e-9  # barycentric; keeps texels that lie on an edge
 
 
-def rasterise(uv: F8, piece: I4, count: int, size: int) -> tuple[I4, F8]:
+def rasterise(
+    uv: F8, piece: I4, count: int, size: int, *, progress: Progress = silent
+) -> tuple[I4, F8]:
     """Face and barycentric coordinates of every texel centre.
 
     uv (F, 3, 2) f8 (column, row); piece (F,) i4, 0 … count-1. Returns face (size, size) i4,
@@ -24,7 +28,16 @@ def rasterise(uv: F8, piece: I4, count: int, size: int) -> tuple[I4, F8]:
     face = np.full((size, size), -1, np.int32)
     bary = np.zeros((size, size, 3))
     area = _signed_areas(uv)
-    _fill(uv, area, size, face, bary)
+    # runs of faces of about as many texels each
+    run = (np.cumsum(np.abs(area) / 2 + 1) / _TEXELS).astype(np.int64)
+    ends = np.append(np.flatnonzero(np.diff(run)) + 1, len(uv))
+    for mirrored in (False, True):
+        begin = 0
+        for end in ends:
+            progress(0.4 * mirrored + 0.4 * begin / len(uv), "sampling the surface")
+            _fill(uv, area, size, begin, end, mirrored, face, bary)
+            begin = end
+    progress(0.8, "sampling the surface")
     bare = _give_one(uv, area, piece, count, size, face, bary)
     if bare:
         raise InvalidParameter(
@@ -45,32 +58,33 @@ def _signed_areas(uv: F8) -> F8:
 
 
 @njit(cache=True)
-def _fill(uv: F8, area: F8, size: int, face: I4, bary: F8) -> None:
-    for mirrored in (False, True):
-        for f in range(len(uv)):
-            if (area[f] < 0) != mirrored or abs(area[f]) < 1e-12:
-                continue
-            ax, ay, bx, by = uv[f, 0, 0], uv[f, 0, 1], uv[f, 1, 0], uv[f, 1, 1]
-            cx, cy = uv[f, 2, 0], uv[f, 2, 1]
-            left = max(int(np.ceil(min(ax, bx, cx) - 1e-9)), 0)
-            right = min(int(np.floor(max(ax, bx, cx) + 1e-9)), size - 1)
-            top = max(int(np.ceil(min(ay, by, cy) - 1e-9)), 0)
-            bottom = min(int(np.floor(max(ay, by, cy) + 1e-9)), size - 1)
-            for row in range(top, bottom + 1):
-                for column in range(left, right + 1):
-                    if face[row, column] >= 0:
-                        continue
-                    one = ((cx - column) * (by - row) - (bx - column) * (cy - row)) / area[f]
-                    two = ((ax - column) * (cy - row) - (cx - column) * (ay - row)) / area[f]
-                    three = 1 - one - two
-                    if min(one, two, three) < _INSIDE:
-                        continue
-                    one, two, three = max(one, 0.0), max(two, 0.0), max(three, 0.0)
-                    total = one + two + three
-                    face[row, column] = f
-                    bary[row, column, 0] = one / total
-                    bary[row, column, 1] = two / total
-                    bary[row, column, 2] = three / total
+def _fill(
+    uv: F8, area: F8, size: int, begin: int, end: int, mirrored: bool, face: I4, bary: F8
+) -> None:
+    for f in range(begin, end):
+        if (area[f] < 0) != mirrored or abs(area[f]) < 1e-12:
+            continue
+        ax, ay, bx, by = uv[f, 0, 0], uv[f, 0, 1], uv[f, 1, 0], uv[f, 1, 1]
+        cx, cy = uv[f, 2, 0], uv[f, 2, 1]
+        left = max(int(np.ceil(min(ax, bx, cx) - 1e-9)), 0)
+        right = min(int(np.floor(max(ax, bx, cx) + 1e-9)), size - 1)
+        top = max(int(np.ceil(min(ay, by, cy) - 1e-9)), 0)
+        bottom = min(int(np.floor(max(ay, by, cy) + 1e-9)), size - 1)
+        for row in range(top, bottom + 1):
+            for column in range(left, right + 1):
+                if face[row, column] >= 0:
+                    continue
+                one = ((cx - column) * (by - row) - (bx - column) * (cy - row)) / area[f]
+                two = ((ax - column) * (cy - row) - (cx - column) * (ay - row)) / area[f]
+                three = 1 - one - two
+                if min(one, two, three) < _INSIDE:
+                    continue
+                one, two, three = max(one, 0.0), max(two, 0.0), max(three, 0.0)
+                total = one + two + three
+                face[row, column] = f
+                bary[row, column, 0] = one / total
+                bary[row, column, 1] = two / total
+                bary[row, column, 2] = three / total
 
 
 @njit(cache=True)

@@ -59,14 +59,17 @@ def export(
     given = check_output(path)
     if given.suffix.lower() == ".ply":
         progress(0.1, "writing PLY")
-        write_ply(given, dense.vertices, dense.normals, quantise(colours), dense.faces)
+        write_ply(
+            given, dense.vertices, dense.normals, quantise(colours), dense.faces,
+            progress=between(progress, 0.1, 1.0),
+        )  # fmt: skip
         return (given,)
     progress(0.0, "filling the gutter")
-    texture = atlas_texture(dense, colours, source=source)
+    texture = atlas_texture(dense, colours, source=source, progress=between(progress, 0.0, 0.2))
     progress(0.2, "normals and tangents")
     surface = export_dense(dense) if dense_shape else export_input(mesh, atlas)
     progress(0.4, "encoding the texture")
-    png = encode_png(texture)
+    png = encode_png(texture, progress=lambda fraction, label: progress(0.4, label))
     progress(0.5, "writing")
     if given.suffix.lower() == ".obj":
         return write_obj(given, surface, png, progress=between(progress, 0.5, 1.0))

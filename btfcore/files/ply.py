@@ -11,12 +11,16 @@ import btfcore
 from btfcore.errors import InvalidParameter
 from btfcore.files.atomic import atomic_output
 from btfcore.files.gltf import place
+from btfcore.progress import Progress, blocks, silent
 from btfcore.types import F4, F8, I4
+
+_MANY = 1 << 19  # rows written between two calls of progress
 
 
 def write_ply(
-    path: str | Path, vertices: F8, normals: F4, colours: NDArray[np.uint8], faces: I4
-) -> None:
+    path: str | Path, vertices: F8, normals: F4, colours: NDArray[np.uint8], faces: I4,
+    *, progress: Progress = silent,
+) -> None:  # fmt: skip
     """Write vertices (N, 3), unit normals (N, 3), 8-bit colours (N, 3) and faces (G, 3).
 
     Binary little-endian. Coordinates are single floats where these are exact enough, doubles
@@ -27,16 +31,11 @@ def write_ply(
         raise InvalidParameter(
             f"{len(vertices)} vertices, {len(normals)} normals and {len(colours)} colours"
         )
+    progress(0.0, "writing PLY")
     placed = place(vertices)
     plain = placed.scale == 1.0 and not any(placed.origin)
     number, word = ("<f4", "float") if plain else ("<f8", "double")
-    rows = np.empty(
-        len(vertices),
-        [("position", number, 3), ("normal", "<f4", 3), ("colour", "u1", 3)],
-    )
-    rows["position"], rows["normal"], rows["colour"] = vertices, normals, colours
-    lists = np.empty(len(faces), [("count", "u1"), ("corner", "<i4", 3)])
-    lists["count"], lists["corner"] = 3, faces
+    row = [("position", number, 3), ("normal", "<f4", 3), ("colour", "u1", 3)]
     header = [
         "ply",
         "format binary_little_endian 1.0",
@@ -51,5 +50,12 @@ def write_ply(
     ]
     with atomic_output(path) as handle:
         handle.write(("\n".join(header) + "\n").encode("ascii"))
-        handle.write(rows.tobytes())
-        handle.write(lists.tobytes())
+        for begin, end in blocks(len(vertices), _MANY, progress, "writing PLY", 0.1, 0.5):
+            rows = np.empty(end - begin, row)
+            rows["position"], rows["normal"] = vertices[begin:end], normals[begin:end]
+            rows["colour"] = colours[begin:end]
+            handle.write(rows.tobytes())
+        for begin, end in blocks(len(faces), _MANY, progress, "writing PLY", 0.5, 1.0):
+            lists = np.empty(end - begin, [("count", "u1"), ("corner", "<i4", 3)])
+            lists["count"], lists["corner"] = 3, faces[begin:end]
+            handle.write(lists.tobytes())

@@ -3,15 +3,33 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
 from btfcore.errors import InvalidParameter
+from btfcore.progress import Progress, silent
+
+if TYPE_CHECKING:
+    from typing_extensions import Buffer  # in collections.abc from Python 3.12
 
 
-def encode_png(image: NDArray[np.uint8]) -> bytes:
+class _Heard(io.BytesIO):
+    """Memory that calls `tell_on` whenever Pillow hands over a piece of the file."""
+
+    def __init__(self, tell_on: Callable[[], None]) -> None:
+        super().__init__()
+        self._tell_on = tell_on
+
+    def write(self, data: Buffer, /) -> int:
+        self._tell_on()
+        return super().write(data)
+
+
+def encode_png(image: NDArray[np.uint8], *, progress: Progress = silent) -> bytes:
     """PNG of an (H, W), (H, W, 3) or (H, W, 4) u8 image, row 0 on top, sRGB-coded.
 
     No colour chunk is written: readers take plain PNG as sRGB, and glTF forbids others.
@@ -19,6 +37,6 @@ def encode_png(image: NDArray[np.uint8]) -> bytes:
     kinds = ((), (3,), (4,))
     if image.dtype != np.uint8 or image.ndim < 2 or image.shape[2:] not in kinds:
         raise InvalidParameter(f"a PNG needs (H, W[, 3 or 4]) u8, got {image.shape} {image.dtype}")
-    stream = io.BytesIO()
+    stream = _Heard(lambda: progress(0.0, "encoding the texture"))
     Image.fromarray(image).save(stream, format="PNG", compress_level=6)
     return stream.getvalue()

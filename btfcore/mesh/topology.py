@@ -10,17 +10,20 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
+from btfcore.progress import Progress, between, silent
 from btfcore.types import F8, I4, I8, MeshStatistics
 
 
-def edges(faces: ArrayLike) -> tuple[I4, I4]:
+def edges(faces: ArrayLike, *, progress: Progress = silent) -> tuple[I4, I4]:
     """Undirected edges, (E, 2) i4 with the smaller vertex first, sorted; and their face counts.
 
     Linear in the number of faces, also where one vertex belongs to all of them.
     """
     triangles = _triangles(faces)
-    low, high, order = sorted_half_edges(triangles)
+    low, high, order = sorted_half_edges(triangles, progress=between(progress, 0.0, 0.7))
+    progress(0.7, "edges")
     first = _run_starts(low, high, order)
+    progress(0.8, "edges")
     pairs = np.stack([low[order[first]], high[order[first]]], axis=1)
     counts = np.diff(np.append(first, len(order))).astype(np.int32)
     return pairs, counts
@@ -104,11 +107,13 @@ def vertex_normals(vertices: ArrayLike, faces: ArrayLike) -> F8:
     return normals
 
 
-def sorted_half_edges(faces: I4) -> tuple[I4, I4, I4]:
+def sorted_half_edges(faces: I4, *, progress: Progress = silent) -> tuple[I4, I4, I4]:
     """Smaller and larger end of each half-edge, and their order by (smaller, larger, index)."""
     low, high = _ends(faces)
     count = int(faces.max()) + 1 if len(faces) else 0
+    progress(0.3, "edges")
     by_high = _counting_sort(high, np.arange(len(low), dtype=np.int32), count)
+    progress(0.6, "edges")
     return low, high, _counting_sort(low, by_high, count)
 
 

@@ -7,7 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from btfcore.types import F4, I4, DenseMesh, Field, Frozen
+from btfcore.progress import Progress, between, blocks, silent
+from btfcore.types import F4, I4, I8, DenseMesh, Field, Frozen
+
+_MANY = 1 << 18  # vertices or faces handled between two calls of progress
+_LABEL = "joining neighbours"
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,38 +35,68 @@ class Connectivity(Frozen):
     area: F4
 
 
-def connect(dense: DenseMesh, field: Field) -> Connectivity:
+def connect(dense: DenseMesh, field: Field, *, progress: Progress = silent) -> Connectivity:
     """Adjacency and connection of `dense`, frames taken from `field`."""
     faces = np.ascontiguousarray(dense.faces, np.int32)
-    indptr, indices = adjacency(faces, len(dense.vertices))
+    indptr, indices = adjacency(faces, len(dense.vertices), progress=between(progress, 0.0, 0.3))
+    progress(0.3, _LABEL)
     face_ptr, face_of = faces_at_vertices(faces, len(dense.vertices))
+    progress(0.35, _LABEL)
     points = dense.vertices - dense.vertices.mean(axis=0)
     area = _areas(points, faces)
     step = float(np.sqrt(area.sum() / len(points))) or 1.0  # single texels have no area
-    edge, turn = _connection(indptr, indices, points / step, dense.normals, field.tangents)
+    progress(0.4, _LABEL)
+    points /= step
+    edge = np.empty((len(indices), 2), np.float32)
+    turn = np.empty((len(indices), 2), np.float32)
+    for begin, end in blocks(len(points), _MANY // 2, progress, _LABEL, 0.45, 1.0):
+        _connection(indptr, indices, points, dense.normals, field.tangents, begin, end, edge, turn)
     area = (area / step**2).astype(np.float32)
     return Connectivity(indptr, indices, face_ptr, face_of, faces, edge, turn, area)
 
 
-@njit(cache=True)
-def adjacency(faces: I4, count: int) -> tuple[I4, I4]:
+def adjacency(faces: I4, count: int, *, progress: Progress = silent) -> tuple[I4, I4]:
     """Sorted neighbours of each of `count` vertices as (indptr, indices), by counting sort."""
     start = np.zeros(count + 1, np.int64)
+    for begin, end in blocks(len(faces), 4 * _MANY, progress, _LABEL, 0.0, 0.1):
+        _count_ends(faces[begin:end], start)
+    np.cumsum(start, out=start)
+    fill, loose = start[:-1].copy(), np.empty(start[count], np.int32)
+    for begin, end in blocks(len(faces), 2 * _MANY, progress, _LABEL, 0.1, 0.5):
+        _list_ends(faces[begin:end], fill, loose)
+    indptr = np.zeros(count + 1, np.int32)
+    for begin, end in blocks(count, 2 * _MANY, progress, _LABEL, 0.5, 0.9):
+        _sort_rows(start, begin, end, loose, indptr)
+    np.cumsum(indptr, out=indptr)
+    indices = np.empty(indptr[count], np.int32)
+    for begin, end in blocks(count, 4 * _MANY, progress, _LABEL, 0.9, 1.0):
+        _copy_rows(start, begin, end, loose, indptr, indices)
+    return indptr, indices
+
+
+@njit(cache=True)
+def _count_ends(faces: I4, start: I8) -> None:
+    """Count two neighbours of each corner, one place later in `start`."""
     for face in range(len(faces)):
         for corner in range(3):
             start[faces[face, corner] + 1] += 2
-    for vertex in range(count):
-        start[vertex + 1] += start[vertex]
-    fill = start[:-1].copy()
-    loose = np.empty(start[count], np.int32)
+
+
+@njit(cache=True)
+def _list_ends(faces: I4, fill: I8, loose: I4) -> None:
+    """Write both neighbours of each corner into its vertex's row."""
     for face in range(len(faces)):
         for corner in range(3):
             vertex = faces[face, corner]
             for other in (faces[face, (corner + 1) % 3], faces[face, (corner + 2) % 3]):
                 loose[fill[vertex]] = other
                 fill[vertex] += 1
-    indptr = np.zeros(count + 1, np.int32)
-    for vertex in range(count):
+
+
+@njit(cache=True)
+def _sort_rows(start: I8, begin: int, end: int, loose: I4, indptr: I4) -> None:
+    """Sort the rows of `loose`; the number of distinct entries goes one place later."""
+    for vertex in range(begin, end):
         low, high = start[vertex], start[vertex + 1]
         for index in range(low + 1, high):  # insertion sort: rows are short
             value = loose[index]
@@ -75,15 +109,18 @@ def adjacency(faces: I4, count: int) -> tuple[I4, I4]:
         for index in range(low, high):
             if index == low or loose[index] != loose[index - 1]:
                 distinct += 1
-        indptr[vertex + 1] = indptr[vertex] + distinct
-    indices = np.empty(indptr[count], np.int32)
-    slot = 0
-    for vertex in range(count):
+        indptr[vertex + 1] = distinct
+
+
+@njit(cache=True)
+def _copy_rows(start: I8, begin: int, end: int, loose: I4, indptr: I4, indices: I4) -> None:
+    """Copy the distinct entries of sorted rows."""
+    for vertex in range(begin, end):
+        slot = indptr[vertex]
         for index in range(start[vertex], start[vertex + 1]):
             if index == start[vertex] or loose[index] != loose[index - 1]:
                 indices[slot] = loose[index]
                 slot += 1
-    return indptr, indices
 
 
 @njit(cache=True)
@@ -105,30 +142,44 @@ def faces_at_vertices(faces: I4, count: int) -> tuple[I4, I4]:
     return pointer, face_of
 
 
-@njit(cache=True)
-def turning_rate(indptr: I4, indices: I4, edge: F4, turn: F4, rounds: int) -> F4:
+def turning_rate(
+    indptr: I4, indices: I4, edge: F4, turn: F4, rounds: int, *, progress: Progress = silent
+) -> F4:
     """How fast the field turns at every vertex, radians per step, mean of the edges' rates.
 
     `rounds` of averaging over neighbours spread it to about √rounds levels; an edge counts no
     more than 0.3, lest a singularity drown its neighbourhood.
     """
-    count = len(indptr) - 1
+    count, label = len(indptr) - 1, "how fast the field turns"
     rate = np.zeros(count, np.float32)
-    for vertex in range(count):
+    for begin, end in blocks(count, 2 * _MANY, progress, label, 0.0, 0.5):
+        _own_rate(indptr, edge, turn, begin, end, rate)
+    for number in range(rounds):
+        old = rate.copy()
+        share = 0.5 + 0.5 * number / rounds
+        for begin, end in blocks(count, 8 * _MANY, progress, label, share, share):
+            _mean_rate(indptr, indices, old, begin, end, rate)
+    return rate
+
+
+@njit(cache=True)
+def _own_rate(indptr: I4, edge: F4, turn: F4, begin: int, end: int, rate: F4) -> None:
+    for vertex in range(begin, end):
         total = 0.0
         for slot in range(indptr[vertex], indptr[vertex + 1]):
             length = np.sqrt(edge[slot, 0] ** 2 + edge[slot, 1] ** 2)
             angle = abs(np.arctan2(turn[slot, 1], turn[slot, 0]))
             total += min(angle / max(length, 1e-3), 0.3)
         rate[vertex] = total / max(indptr[vertex + 1] - indptr[vertex], 1)
-    for _ in range(rounds):
-        old = rate.copy()
-        for vertex in range(count):
-            total = old[vertex]
-            for slot in range(indptr[vertex], indptr[vertex + 1]):
-                total += old[indices[slot]]
-            rate[vertex] = total / (indptr[vertex + 1] - indptr[vertex] + 1)
-    return rate
+
+
+@njit(cache=True)
+def _mean_rate(indptr: I4, indices: I4, old: F4, begin: int, end: int, rate: F4) -> None:
+    for vertex in range(begin, end):
+        total = old[vertex]
+        for slot in range(indptr[vertex], indptr[vertex + 1]):
+            total += old[indices[slot]]
+        rate[vertex] = total / (indptr[vertex + 1] - indptr[vertex] + 1)
 
 
 @njit(cache=True)
@@ -178,10 +229,10 @@ def _transport(from_tangent, from_normal, tangent, normal):  # type: ignore[no-u
 
 
 @njit(cache=True)
-def _connection(indptr, indices, points, normals, tangents):  # type: ignore[no-untyped-def]
-    edge = np.empty((len(indices), 2), np.float32)
-    turn = np.empty((len(indices), 2), np.float32)
-    for i in range(len(indptr) - 1):
+def _connection(  # type: ignore[no-untyped-def]
+    indptr, indices, points, normals, tangents, begin, end, edge, turn
+):
+    for i in range(begin, end):
         for slot in range(indptr[i], indptr[i + 1]):
             j = indices[slot]
             x = points[j, 0] - points[i, 0]
@@ -201,4 +252,3 @@ def _connection(indptr, indices, points, normals, tangents):  # type: ignore[no-
                 s, t = s0, t0
             edge[slot, 0], edge[slot, 1] = s, t
             turn[slot, 0], turn[slot, 1] = cos, sin
-    return edge, turn

@@ -25,8 +25,10 @@ def sound_levels(
     share: float,
     stretch: float,
     stretched: float,
-) -> int:
+) -> tuple[int, int]:
     """Largest number of levels whose prefix of the patch is flattened soundly (0 if none).
+
+    Also the first level with a torn edge, one more than there are where none is torn.
 
     Sound: at most `share` of the area lies outside [1/bound, bound] times the area on the
     surface or is mirrored (Zhou's T_d as an area test); at most `stretched` of the edges have
@@ -83,7 +85,7 @@ def sound_levels(
             break
         if wrong <= share * total and off <= stretched * lengths:
             sound = level
-    return sound
+    return sound, torn
 
 
 @njit(cache=True)

@@ -22,6 +22,8 @@ SMALLEST = 4
 BAD_AREA = 0.005  # share of the area that may break T_d: zipper slivers always do
 STRETCH = 1.3
 STRETCHED = 0.06  # share of edges that may be longer or shorter by more than STRETCH
+LOOSE_AREA, LOOSE_STRETCHED = 0.1, 0.5  # the same for patches of no more than SMALLEST levels
+TRIES, SELDOM = 60, 20  # LSCM is tried so often, then only if one in SELDOM succeeded
 MAX_VERTICES = 60_000
 
 
@@ -33,7 +35,8 @@ class FlatPatch:
     around the patch proper; start: where each level begins in it (see `grow`); inner: how
     many vertices belong to the patch proper; plane (n, 2) f8 in
     dense-mesh steps, x and y right-handed seen from outside; kind: how it was flattened;
-    shrinks: how often the radius had to be cut.
+    shrinks: how often the radius had to be cut; reason: why it is smaller than asked for, ""
+    where it is not (see `btfcore.quilt.ledger`).
     """
 
     order: I4
@@ -43,6 +46,7 @@ class FlatPatch:
     kind: str
     radius: int
     shrinks: int
+    reason: str = ""
 
 
 Trim = Callable[[I4, I4, F8, int], int]
@@ -68,6 +72,8 @@ class Flattener:
         self._texel = np.ascontiguousarray(dense.texel, np.int32)
         self._chart = np.ascontiguousarray(dense.chart, np.int32)
         self._texel_steps = _texel_in_steps(net, dense)
+        self._reason = self._cause = ""
+        self._tries = self._rescues = 0  # of LSCM, and how many of them succeeded
 
     @cached_property
     def _step(self) -> float:
@@ -92,17 +98,20 @@ class Flattener:
         net, local = self.net, self.local
         order, start = grow(net.indptr, net.indices, seed, radius + 1, local, MAX_VERTICES)
         wanted = max(len(start) - 3, 1)  # the last level is the ghosts'
+        self._reason = "component" if wanted < radius and len(order) <= MAX_VERTICES else ""
         plane = _in_chart(
             net.indptr, net.indices, order, local, self._texel, self._chart, self._texel_steps
         )
         if len(plane):
             radius = wanted if trim is None else trim(order, start, plane, wanted)
+            self._reason = "field" if radius < wanted else self._reason
             return self._cut(order, start, plane, "chart", radius, 0)
         if self.literal:
             return self._paper(order, start, wanted)
         plane, _ = exponential_map(net.indptr, net.indices, net.edge, net.turn, order, start, local)
         if trim is not None:
-            wanted = trim(order, start, plane, wanted)
+            whole, wanted = wanted, trim(order, start, plane, wanted)
+            self._reason = "field" if wanted < whole else self._reason
             whole = int(start[min(wanted + 2, len(start) - 1)])
             release(order[whole:], local)
             order, plane = order[:whole], plane[:whole]
@@ -127,10 +136,13 @@ class Flattener:
         release(order[whole:], self.local)
         order, plane = order[:whole], plane[:whole]
         start = start[: min(size + 2, len(start) - 1) + 1]
-        conformal = self._lscm(order)
-        better = 0 if conformal is None else self._sound(order, start, conformal)
-        if conformal is not None and better > sound:
-            plane, sound, kind = conformal, better, "lscm"
+        if self._tries < TRIES or self._rescues * SELDOM >= self._tries:
+            self._tries += 1
+            conformal = self._lscm(order)
+            better = 0 if conformal is None else self._sound(order, start, conformal)
+            if conformal is not None and better > sound:
+                plane, sound, kind = conformal, better, "lscm"
+                self._rescues += 1
         patch = self._shrink(order, start, plane, kind, size, sound)
         patch.shrinks += wanted > size
         return patch
@@ -138,8 +150,17 @@ class Flattener:
     def _shrink(
         self, order: I4, start: I4, plane: F8, kind: str, wanted: int, sound: int
     ) -> FlatPatch:
-        """Cut the radius by 0.8 until patch and ghost ring are sound; below 4, step by step."""
+        """Cut the radius by 0.8 until patch and ghost ring are sound; below 4, step by step.
+
+        Where the surface bends within a few steps nothing is flat: a patch of the smallest
+        size is let pass while it is not torn and not folded, lest the surface shatter.
+        """
         shrinks, size = 0, wanted
+        if size + 1 > sound and size > 1:
+            self._reason = self._cause
+        if not self.literal and sound <= SMALLEST < wanted:
+            loose = self._sound(order, start, plane, LOOSE_AREA, LOOSE_STRETCHED)
+            sound = max(sound, min(loose, SMALLEST + 1))
         while size + 1 > sound and size > 1:
             size = max(int(size * SHRINK), SMALLEST) if size > SMALLEST else size - 1
             shrinks += 1
@@ -153,7 +174,9 @@ class Flattener:
         whole = int(start[min(size + 2, levels + 1)])
         release(order[whole:], self.local)
         start = start[: min(size + 2, levels + 1) + 1]
-        return FlatPatch(order[:whole], start, inner, plane[:whole], kind, size, shrinks)
+        return FlatPatch(
+            order[:whole], start, inner, plane[:whole], kind, size, shrinks, self._reason
+        )
 
     def _paper(self, order: I4, start: I4, wanted: int) -> FlatPatch:
         """The paper's loop: LSCM at this radius, and again at 0.8 of it while too distorted."""
@@ -169,6 +192,7 @@ class Flattener:
             if size <= SMALLEST:
                 break
             size, shrinks = max(int(size * SHRINK), SMALLEST), shrinks + 1
+            self._reason = self._cause
         net = self.net  # the paper does not say what follows its smallest size
         plane, _ = exponential_map(
             net.indptr, net.indices, net.edge, net.turn, patch.order, shorter, self.local
@@ -176,17 +200,25 @@ class Flattener:
         sound = self._sound(patch.order, shorter, plane)
         return self._shrink(patch.order, shorter, plane, "expmap", size, sound)
 
-    def _sound(self, order: I4, start: I4, plane: F8) -> int:
+    def _sound(
+        self,
+        order: I4,
+        start: I4,
+        plane: F8,
+        share: float = BAD_AREA,
+        stretched: float = STRETCHED,
+    ) -> int:
         net = self.net
         if not np.isfinite(plane).all():
+            self._cause = "tear"
             return 0
-        return int(
-            sound_levels(
-                net.indptr, net.indices, net.face_ptr, net.face_of, net.faces, net.area,
-                net.edge, order, start, self.local, plane, self.bound, BAD_AREA,
-                STRETCH, 1.0 if self.literal else STRETCHED,
-            )
+        sound, torn = sound_levels(
+            net.indptr, net.indices, net.face_ptr, net.face_of, net.faces, net.area,
+            net.edge, order, start, self.local, plane, self.bound, share,
+            STRETCH, 1.0 if self.literal else stretched,
         )  # fmt: skip
+        self._cause = "tear" if sound + 1 >= torn else "distortion"
+        return int(sound)
 
     def _lscm(self, order: I4) -> F8 | None:
         net, seed = self.net, int(order[0])

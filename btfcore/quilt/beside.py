@@ -50,7 +50,7 @@ class ColourMatcher:
         values = np.zeros((len(order), 3), np.float32)
         for index in range(len(self.sheet.grids)):
             here = known & (state.sample[order] == index)
-            values[here] = look_up(self._colour(index), state.source[order[here]]) - mean
+            values[here] = look_up(self.sheet.colours(index), state.source[order[here]]) - mean
         image, mask = work_image(
             net.faces, net.face_ptr, net.face_of, order, local, point, values, known, half
         )
@@ -59,14 +59,10 @@ class ColourMatcher:
             image, mask, most=knobs.placements, overlap=knobs.overlap, margin=knobs.margin
         )
 
-    def _colour(self, index: int) -> F4:
-        top, height, width = self.sheet.frames[index, :3]
-        return np.ascontiguousarray(self.sheet.colour[top : top + height, :width])
-
     def _matcher(self, mine: int) -> tuple[Matcher, F4]:
         """Matcher on a sample's colours, and their mean, which matching leaves out."""
         if mine not in self._matchers:
-            colour = self._colour(mine)
+            colour = self.sheet.colours(mine)
             mean = colour.mean(axis=(0, 1), dtype=np.float64)
             grid = replace(self.sheet.grids[mine], match=(colour - mean).astype(np.float32))
             self._matchers[mine] = (Matcher(grid), mean.astype(np.float32))

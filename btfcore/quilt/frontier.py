@@ -16,7 +16,8 @@ class Frontier:
         count = len(patch)
         self._indptr, self._indices, self._patch = indptr, indices, patch
         self._rank = np.random.default_rng(seed).permutation(count).astype(np.int32)
-        self._start = np.argsort(self._rank).astype(np.int32)  # vertices in seeded order
+        self._start = np.empty(count, np.int32)  # vertices in seeded order
+        self._start[self._rank] = np.arange(count, dtype=np.int32)
         self._next = 0
         self._filled = np.zeros(count, np.int32)
         self._seen = np.full(count, -1, np.int32)
@@ -39,12 +40,8 @@ class Frontier:
         vertex, self._size = _pick(self._patch, self._filled, self._rank, self._list, self._size)
         if vertex >= 0:
             return int(vertex)
-        while self._next < len(self._start):
-            candidate = int(self._start[self._next])
-            if self._patch[candidate] < 0:
-                return candidate
-            self._next += 1
-        return -1
+        self._next = _next_bare(self._patch, self._start, self._next)
+        return int(self._start[self._next]) if self._next < len(self._start) else -1
 
     def ahead(self, vertex: int, levels: int) -> tuple[int, int, int]:
         """A bare vertex `levels` levels into the bare part, near `vertex`.
@@ -88,6 +85,14 @@ def _pick(patch, filled, rank, listed, size):  # type: ignore[no-untyped-def]
         ):
             best = vertex
     return best, kept
+
+
+@njit(cache=True)
+def _next_bare(patch, start, place):  # type: ignore[no-untyped-def]
+    """First place at or after `place` of a bare vertex in the order `start`."""
+    while place < len(start) and patch[start[place]] >= 0:
+        place += 1
+    return place
 
 
 @njit(cache=True)

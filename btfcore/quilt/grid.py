@@ -35,6 +35,12 @@ class SampleGrid(Frozen):
             return place.astype(np.float32)
         return ((place + 0.5) / self.shrink - 0.5).astype(np.float32)
 
+    def from_sample(self, place: F4 | F8) -> F4:
+        """Sample (column, row) as grid (column, row); the inverse of `to_sample`."""
+        if self.shrink == 1.0:
+            return place.astype(np.float32)
+        return ((place + 0.5) * self.shrink - 0.5).astype(np.float32)
+
 
 def sample_grid(sample: Sample, *, scale: float = 1.0, match_channels: int = 4) -> SampleGrid:
     """Prepare `sample` for a pattern `scale` times its natural size.

@@ -69,13 +69,47 @@ def measure_by_sample(
     samples over all of them, in colours: their differences are the means of the samples'.
     Hard borders are not in `net`, so they count nowhere.
     """
-    slots, tail, head = _seams(net, state)
-    tails = np.repeat(np.arange(len(net.indptr) - 1, dtype=np.int32), np.diff(net.indptr))
+    _, tail, head, steps = seam_steps(net, state, sheet)
     one, two = state.sample[tail], state.sample[head]
+    tails = np.repeat(np.arange(len(net.indptr) - 1, dtype=np.int32), np.diff(net.indptr))
     covered = state.patch >= 0
     within = state.sample[tails] == state.sample[net.indices]
     within &= covered[tails] & covered[net.indices]
-    parts, near, far = [], [], []
+    parts = []
+    for index, grid in enumerate(sheet.grids):
+        edges = int((within & (state.sample[tails] == index)).sum()) // 2
+        vertices = int((covered & (state.sample == index)).sum())
+        near, far = grid.texel_difference, grid.random_difference
+        costs = steps[(one == index) & (two == index)] * near
+        parts.append(_figures(costs, edges, vertices, near, far))
+    near, far = _colour_differences(sheet)
+    border = steps[one != two] * near
+    return tuple(parts), _figures(border, len(net.indices) // 2, len(state.patch), near, far)
+
+
+def _colour_differences(sheet: Sheet) -> tuple[float, float]:
+    """Mean over the samples of the differences of neighbouring and of random colours."""
+    if len(sheet.grids) == 1:
+        return 0.0, 0.0
+    both = [differences(sheet.colours(index)) for index in range(len(sheet.grids))]
+    return float(np.mean([near for near, _ in both])), float(np.mean([far for _, far in both]))
+
+
+def measure_sample(net: Connectivity, state: QuiltState, sheet: Sheet, index: int) -> SeamMeasures:
+    """Seam measures within sample `index` alone."""
+    if len(sheet.grids) == 1:
+        return measure_seams(net, state, sheet)
+    return measure_by_sample(net, state, sheet)[0][index]
+
+
+def seam_steps(net: Connectivity, state: QuiltState, sheet: Sheet) -> tuple[I8, I4, I4, F8]:
+    """Half-edges i→j between two patches, their ends, and what each costs at j.
+
+    The steps (n,) are in texel differences of the sample, or of the samples' colours.
+    """
+    slots, tail, head = _seams(net, state)
+    one, two = state.sample[tail], state.sample[head]
+    steps = np.zeros(len(slots))
     there = np.zeros((len(slots), 3), np.float32)
     here = there.copy()
     for index, grid in enumerate(sheet.grids):
@@ -84,22 +118,15 @@ def measure_by_sample(
             look_up(grid.cut, state.ghost[slots[mine]]),
             look_up(grid.cut, state.source[head[mine]]),
         )
-        edges = int((within & (state.sample[tails] == index)).sum()) // 2
-        vertices = int((covered & (state.sample == index)).sum())
-        parts.append(
-            _figures(costs, edges, vertices, grid.texel_difference, grid.random_difference)
-        )
-        top, height, width = sheet.frames[index, :3]
-        colour = np.ascontiguousarray(sheet.colour[top : top + height, :width])
-        there[one == index] = look_up(colour, state.ghost[slots[one == index]])
-        here[two == index] = look_up(colour, state.source[head[two == index]])
-        step, random = differences(colour)
-        near.append(step)
-        far.append(random)
-    border = _norms(there, here)[one != two]
-    return tuple(parts), _figures(
-        border, len(net.indices) // 2, len(state.patch), float(np.mean(near)), float(np.mean(far))
-    )
+        steps[mine] = costs / max(grid.texel_difference, 1e-12)
+        if len(sheet.grids) > 1:
+            colour = sheet.colours(index)
+            there[one == index] = look_up(colour, state.ghost[slots[one == index]])
+            here[two == index] = look_up(colour, state.source[head[two == index]])
+    mixed = one != two
+    if mixed.any():
+        steps[mixed] = _norms(there[mixed], here[mixed]) / max(_colour_differences(sheet)[0], 1e-12)
+    return slots, tail, head, steps
 
 
 def _seams(net: Connectivity, state: QuiltState) -> tuple[I8, I4, I4]:

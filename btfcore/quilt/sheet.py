@@ -29,6 +29,11 @@ class Sheet(Frozen):
     frames: I4
     grids: tuple[SampleGrid, ...] = ()
 
+    def colours(self, index: int) -> F4:
+        """Colours (h, w, 3) f4 of one of several samples."""
+        top, height, width = self.frames[index, :3]
+        return np.ascontiguousarray(self.colour[top : top + height, :width])
+
 
 def single(grid: F4) -> Sheet:
     """One sample's channels (h, w, K) as a sheet; nothing is copied."""

@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from btfcore.errors import InvalidQuilt
 from btfcore.patch.connectivity import Connectivity
 from btfcore.quilt.grid import SampleGrid
 from btfcore.quilt.layout import Layout
@@ -45,6 +46,66 @@ class QuiltState:
             np.zeros(count, np.uint16),
             layout,
         )
+
+    @classmethod
+    def from_quilt(
+        cls,
+        net: Connectivity,
+        grid: SampleGrid | Sheet,
+        quilt: Quilt,
+        layout: Layout | None = None,
+    ) -> QuiltState:
+        """State of a stored quilt, whose ghosts are extrapolated.
+
+        A ghost is where the patch's own vertices around it would put it, each by the linear
+        map that fits its neighbours best, the rotation by its angle where it has too few.
+        Raises `InvalidQuilt` where the quilt has another number of vertices, or positions that
+        are not of its sample, or steps that are not of this scale, or samples where the
+        layout does not allow them.
+        """
+        count = len(net.indptr) - 1
+        if len(quilt.patch) != count:
+            raise InvalidQuilt(f"a quilt of {len(quilt.patch)} vertices, the mesh has {count}")
+        state = cls.bare(net, layout)
+        covered = quilt.patch >= 0
+        grids = grid.grids if isinstance(grid, Sheet) else (grid,)
+        most = int(quilt.sample[covered].max(initial=0))
+        if most >= len(grids):
+            given = "only one is" if len(grids) == 1 else f"{len(grids)} are"
+            raise InvalidQuilt(f"the quilt names sample {most}, {given} given")
+        if layout is not None:
+            strays = ~layout.allowed[quilt.sample[covered], np.flatnonzero(covered)]
+            if strays.any():
+                raise InvalidQuilt(
+                    f"{int(strays.sum())} vertices have a sample of another region: the quilt"
+                    " was made with other regions or borders"
+                )
+        for index, each in enumerate(grids):
+            mine = covered & (quilt.sample == index)
+            source = quilt.source[mine]
+            # a little beyond the border, as rounding and reduced samples have it
+            slack = 1.0 + 0.5 / each.shrink
+            limit = each.to_sample(np.array([each.cut.shape[1::-1]], np.float64) - 1)[0]
+            beyond = ((source < -slack) | (source > limit + slack)).any(axis=1)
+            if beyond.any():
+                raise InvalidQuilt(
+                    f"{int(beyond.sum())} of {len(source)} positions lie outside a sample of"
+                    f" {limit[0] + 1:.0f} x {limit[1] + 1:.0f} texels: the quilt is of another one"
+                )
+            state.source[mine] = each.from_sample(source)
+        state.sample[covered] = quilt.sample[covered]
+        state.angle[covered], state.patch[:] = quilt.angle[covered], quilt.patch
+        state.patches = int(quilt.patch.max(initial=-1)) + 1
+        stretch = _extrapolate(
+            net.indptr, net.indices, net.edge, state.source, state.angle, state.patch,
+            state.sample, np.array([1.0 / each.unit for each in grids]), state.ghost,
+        )  # fmt: skip
+        if not 0.5 < stretch < 2.0:
+            raise InvalidQuilt(
+                f"the quilt's pattern is {1 / max(stretch, 1e-9):.3g} times as large as asked for:"
+                " it was made at another scale"
+            )
+        return state
 
     def home(self, vertex: int) -> int:
         """Sample that a patch around `vertex` takes."""
@@ -113,3 +174,70 @@ def _set_ghosts(indptr, indices, vertices, local, place, ghost):  # type: ignore
             other = local[indices[slot]]
             ghost[slot, 0] = place[other, 0]
             ghost[slot, 1] = place[other, 1]
+
+
+@njit(cache=True)
+def _extrapolate(  # type: ignore[no-untyped-def]
+    indptr, indices, edge, source, angle, patch, sample, units, ghost
+):
+    """Ghosts of a whole quilt; returns the mean step found over the step expected.
+
+    units (R,): grid texels per dense-mesh step of each sample.
+    """
+    count = len(patch)
+    linear = np.zeros((count, 4))
+    found = expected = 0.0
+    for i in range(count):
+        if patch[i] < 0:
+            continue
+        unit = units[sample[i]]
+        c, s = np.cos(angle[i]) * unit, np.sin(angle[i]) * unit
+        # least squares for (dx, dy) = L (es, et), held to the rotation by a small weight:
+        # the sum of e eᵀ inverted, times the sum of (d - R e) eᵀ, plus R
+        hold = 1e-3
+        a00, a01, a11 = hold, 0.0, hold
+        b00 = b01 = b10 = b11 = 0.0
+        for slot in range(indptr[i], indptr[i + 1]):
+            j = indices[slot]
+            if patch[j] != patch[i]:
+                continue
+            es, et = np.float64(edge[slot, 0]), np.float64(edge[slot, 1])
+            px, py = c * es + s * et, s * es - c * et
+            dx = np.float64(source[j, 0]) - source[i, 0]
+            dy = np.float64(source[j, 1]) - source[i, 1]
+            found += np.sqrt(dx * dx + dy * dy)
+            expected += np.sqrt(px * px + py * py)
+            a00 += es * es
+            a01 += es * et
+            a11 += et * et
+            b00 += (dx - px) * es
+            b01 += (dx - px) * et
+            b10 += (dy - py) * es
+            b11 += (dy - py) * et
+        det = a00 * a11 - a01 * a01
+        linear[i, 0] = c + (b00 * a11 - b01 * a01) / det
+        linear[i, 1] = s + (b01 * a00 - b00 * a01) / det
+        linear[i, 2] = s + (b10 * a11 - b11 * a01) / det
+        linear[i, 3] = -c + (b11 * a00 - b10 * a01) / det
+    for i in range(count):
+        if patch[i] < 0:
+            continue
+        for slot in range(indptr[i], indptr[i + 1]):
+            j = indices[slot]
+            if patch[j] == patch[i]:
+                ghost[slot] = source[j]
+                continue
+            x = y = 0.0
+            seen = 0
+            for near in range(indptr[j], indptr[j + 1]):  # all of the patch that touch j agree
+                k = indices[near]
+                if patch[k] != patch[i]:
+                    continue
+                for back in range(indptr[k], indptr[k + 1]):
+                    if indices[back] == j:
+                        es, et = edge[back, 0], edge[back, 1]
+                        x += source[k, 0] + linear[k, 0] * es + linear[k, 1] * et
+                        y += source[k, 1] + linear[k, 2] * es + linear[k, 3] * et
+                        seen += 1
+            ghost[slot, 0], ghost[slot, 1] = x / seen, y / seen
+    return found / expected if expected > 0.0 else 1.0

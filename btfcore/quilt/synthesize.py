@@ -10,12 +10,15 @@ import numpy as np
 
 from btfcore.errors import InvalidParameter
 from btfcore.patch.connectivity import Connectivity, connect
+from btfcore.patch.distortion import field_directions
 from btfcore.patch.flatten import SHRINK, SMALLEST, FlatPatch, Flattener
-from btfcore.progress import Progress, silent
+from btfcore.progress import Progress, between, silent
 from btfcore.quilt.candidates import Candidate, CandidateFinder
 from btfcore.quilt.frontier import Frontier
 from btfcore.quilt.grid import SampleGrid
 from btfcore.quilt.layout import Layout
+from btfcore.quilt.ledger import Entry
+from btfcore.quilt.measure import measure_sample, seam_edges_around
 from btfcore.quilt.parameters import QuiltParameters
 from btfcore.quilt.patches import PatchChooser
 from btfcore.quilt.sheet import sheet_of
@@ -57,8 +60,13 @@ class Synthesizer:
         net: Connectivity | None = None,
         layout: Layout | None = None,
         scales: Sequence[float] | None = None,
+        start: Quilt | None = None,
+        progress: Progress = silent,
     ) -> None:
         """Prepare tables; `net` may be passed in where it was computed before.
+
+        `start`: a partly bare quilt of this dense mesh, field and sample that is to be
+        continued (see `QuiltState.from_quilt`, whose errors it raises).
 
         Several samples need a `layout`, which says where each goes; `scales` multiply the
         common one, sample by sample.
@@ -69,14 +77,24 @@ class Synthesizer:
         self.parameters = parameters
         if layout is not None:
             net = layout.net
-        self.net = net if net is not None else connect(dense, orientation)
+        if net is None:
+            net = connect(dense, orientation, progress=between(progress, 0.0, 0.6))
+        self.net = net
+        progress(0.6, "preparing the sample")
         self.sheet = sheet_of(
             samples,
             [parameters.scale * each for each in scales or [1.0] * len(samples)],
             match_channels=None if parameters.literal else parameters.match_channels,
         )
-        self.state = QuiltState.bare(self.net, layout)
+        progress(0.8, "preparing the quilt")
+        self.state = (
+            QuiltState.bare(self.net, layout)
+            if start is None
+            else QuiltState.from_quilt(self.net, self.sheet, start, layout)
+        )
         self.statistics = QuiltStatistics()
+        self.ledger: dict[int, Entry] = {}  # by patch number
+        self.continued = self.state.patches  # patches of the quilt that is continued
         self._flattener = Flattener(
             dense,
             orientation,
@@ -89,13 +107,21 @@ class Synthesizer:
         )
         self.radii = [parameters.work_patch or self._radius(grid) for grid in self.sheet.grids]
         self._chooser = PatchChooser(
-            self.net, self._flattener, self._frontier, self.state, parameters, self.radii
-        )
+            self.net, self._flattener, self._frontier, self.state, parameters, self.radii,
+            progress=between(progress, 0.8, 1.0),
+        )  # fmt: skip
         self._finder = CandidateFinder(
             self.net, self.sheet, self.state, self._flattener, parameters
         )
         self._flow = [0.0] * len(samples)
         self._gained = [0] * len(samples)
+        if start is not None:
+            done = self.state.patch >= 0
+            self._chooser.accepted(self.state.angle[done].astype(np.float64))
+            for mine, grid in enumerate(self.sheet.grids):
+                seams = measure_sample(self.net, self.state, self.sheet, mine)
+                self._flow[mine] = 2 * seams.per_edge * grid.texel_difference * seams.seam_edges
+                self._gained[mine] = int((done & (self.state.sample == mine)).sum())
 
     @property
     def grid(self) -> SampleGrid:
@@ -108,11 +134,11 @@ class Synthesizer:
         return self.radii[0]
 
     def _radius(self, grid: SampleGrid) -> int:
-        """r_w tied to the sample's size: 40 levels for 128 texels, 32 in the paper's way."""
+        """r_w tied to the sample's size: 48 levels for 128 texels, 32 in the paper's way."""
         if self.parameters.literal:
             return 32
         height, width = grid.cut.shape[:2]
-        return int(np.clip(round(0.3125 * min(height, width) * grid.unit), 4, LARGEST))
+        return int(np.clip(round(0.375 * min(height, width) * grid.unit), 4, LARGEST))
 
     def run(
         self, *, progress: Progress = silent, on_update: Callable[[Quilt], None] | None = None
@@ -120,7 +146,8 @@ class Synthesizer:
         """Cover every bare vertex and return the quilt.
 
         `progress` may raise `Cancelled` between patches; what was covered so far stays in
-        `state`. `on_update` gets frozen partial quilts about ten times a second.
+        `state`, and another `run` goes on from there to the same bits as if nothing had
+        happened. `on_update` gets frozen partial quilts about ten times a second.
         """
         count = len(self.state.patch)
         done = int((self.state.patch >= 0).sum())
@@ -129,7 +156,7 @@ class Synthesizer:
             vertex = self._frontier.pick()
             if vertex < 0:
                 break
-            done += self._patch_at(vertex)
+            done += self._patch_at(vertex) or self._force(vertex)
             progress(done / count, "quilting")
             if on_update is not None and time.monotonic() - shown > UPDATE_S:
                 shown = time.monotonic()
@@ -141,6 +168,7 @@ class Synthesizer:
         """Synthesise one patch near `vertex`; returns how many bare vertices it covered."""
         best = self._best(self._chooser.choose(vertex))
         patch, fresh = best.patch, best.cut.fresh
+        self.ledger[self.state.patches] = self._entry(best)
         was_bare = self.state.accept(
             self.net, patch.order, self._flattener.local, best.place, fresh, best.angle
         )
@@ -157,6 +185,57 @@ class Synthesizer:
         counts.cuts, counts.trims = self._finder.cuts, self._chooser.shrinks
         return len(was_bare)
 
+    def _force(self, vertex: int) -> int:
+        """Cover `vertex` and its neighbours after a patch that covered nothing; see `_patch_at`.
+
+        They continue a neighbour's patch as far as the sample goes, so that every run ends.
+        """
+        net, state = self.net, self.state
+        patch, mine = self._flattener.flatten(vertex, 1), state.home(vertex)
+        grid = self.sheet.grids[mine]
+        height, width = grid.cut.shape[:2]
+        at, angle = np.array([(width - 1) / 2, (height - 1) / 2]), 0.0
+        for other in net.indices[net.indptr[vertex] : net.indptr[vertex + 1]]:
+            row = slice(net.indptr[other], net.indptr[other + 1])
+            if state.patch[other] >= 0 and state.sample[other] == mine:
+                at = state.ghost[row][net.indices[row] == vertex][0].astype(np.float64)
+                angle = float(state.angle[other])
+                break
+        local, edge = self._flattener.local, net.edge
+        turn = field_directions(net.indptr, net.indices, edge, patch.order, 1, local, patch.plane)
+        spin = np.exp(-1j * angle) * complex(turn[0, 0], -turn[0, 1]) / grid.unit
+        plane = (patch.plane[:, 0] + 1j * patch.plane[:, 1]) * spin
+        place = (at + np.stack([plane.real, -plane.imag], axis=1)).astype(np.float32)
+        place = np.clip(place, np.float32(0), np.array([width - 1, height - 1], np.float32))
+        fresh = state.bare_for(patch.order[: patch.inner])
+        self.ledger[state.patches] = Entry(
+            vertex, self.radii[mine], patch.radius, patch.kind, int(fresh.sum()), 0.0, "forced"
+        )
+        was_bare = state.accept(net, patch.order, local, place, fresh, np.full(patch.inner, angle))
+        self._flattener.release(patch)
+        self._frontier.add(was_bare)
+        self.statistics.patches += 1
+        self.statistics.kinds[patch.kind] += 1
+        return len(was_bare)
+
+    def _entry(self, best: Candidate) -> Entry:
+        """Note of a patch that is about to be laid; the flattener holds it."""
+        patch, net = best.patch, self.net
+        mine = self.state.home(int(patch.order[0]))
+        edges = seam_edges_around(
+            net.indptr, net.indices, patch.order, patch.inner, self._flattener.local,
+            best.cut.fresh, self.state.patch,
+        )  # fmt: skip
+        reason = patch.reason or ("field" if patch.radius < self.radii[mine] else "")
+        if best.cut.missed and not reason:
+            reason = "sample"
+        step = max(self.sheet.grids[mine].texel_difference, 1e-12)
+        seam = best.cut.flow / max(edges, 1) / (2 * step)
+        return Entry(
+            int(patch.order[0]), self.radii[mine], patch.radius, patch.kind, best.cut.gained,
+            seam, reason,
+        )  # fmt: skip
+
     def _best(self, patch: FlatPatch) -> Candidate:
         """Return the cheapest candidate; with a bound T_c, from the first size that meets it.
 
@@ -171,6 +250,7 @@ class Synthesizer:
             self._flattener.release(patch)
             smaller = max(int(patch.radius * SHRINK), SMALLEST)
             patch = self._flattener.flatten(int(patch.order[0]), smaller)
+            patch.reason = patch.reason or "seam"
             self.statistics.shrinks += 1
             candidate = self._finder.best(patch, running)
             if candidate.seam < best.seam:

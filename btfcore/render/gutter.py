@@ -14,12 +14,13 @@ from numba import njit
 from numpy.typing import NDArray
 
 from btfcore.patch.connectivity import adjacency
+from btfcore.progress import Progress, between, blocks, silent
 from btfcore.types import F8, I4, DenseMesh
 
 RINGS = 3  # texels from a chart within which the gutter continues the surface across the seam
 
 
-def gutter_source(dense: DenseMesh) -> I4:
+def gutter_source(dense: DenseMesh, *, progress: Progress = silent) -> I4:
     """Dense vertex that every texel of the atlas image copies.
 
     Returns (size, size) i4: a covered texel's own vertex; in the gutter within `RINGS` texels
@@ -27,12 +28,18 @@ def gutter_source(dense: DenseMesh) -> I4:
     elsewhere the vertex of the nearest covered texel (Euclidean). Depends on the mesh only:
     compute once, gather colours as often as they change.
     """
+    label = "filling the gutter"
+    progress(0.0, label)
     owner = texel_owner(dense)
     source = nearest_owner(owner)
+    progress(0.2, label)
     faces = np.ascontiguousarray(dense.faces, np.int32)
-    indptr, indices = adjacency(faces, len(dense.vertices))
+    indptr, indices = adjacency(faces, len(dense.vertices), progress=between(progress, 0.2, 0.7))
     points = np.ascontiguousarray(dense.vertices, np.float64)
-    _walk_across(owner, dense.chart, points, dense.normals, indptr, indices, RINGS, source)
+    for begin, end in blocks(dense.size, 256, progress, label, 0.7, 1.0):
+        _walk_across(
+            owner, dense.chart, points, dense.normals, indptr, indices, RINGS, begin, end, source
+        )
     return source
 
 
@@ -166,9 +173,11 @@ def _frames(owner, chart, points, normals, texel, wanted, frames):  # type: igno
 
 
 @njit(cache=True)
-def _walk_across(owner, chart, points, normals, indptr, indices, rings, source):  # type: ignore[no-untyped-def]
-    height, width = owner.shape
-    for row in range(height):
+def _walk_across(  # type: ignore[no-untyped-def]
+    owner, chart, points, normals, indptr, indices, rings, begin, end, source
+):
+    width = owner.shape[1]
+    for row in range(begin, end):
         for column in range(width):
             if owner[row, column] >= 0:
                 continue

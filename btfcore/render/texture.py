@@ -9,13 +9,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from btfcore.errors import InvalidParameter
+from btfcore.progress import Progress, blocks, silent
 from btfcore.render.gutter import gutter_source
 from btfcore.types import F4, I4, DenseMesh, Quilt, Sample
 
 BARE = np.float32(0.5)  # grey of vertices that no patch covers yet
 
 
-def vertex_colours(quilt: Quilt, samples: Sequence[Sample]) -> F4:
+def vertex_colours(quilt: Quilt, samples: Sequence[Sample], *, progress: Progress = silent) -> F4:
     """Colour of every dense vertex: (N, 3) f4, coded like the samples (sRGB 0–1).
 
     Bilinear look-up at the vertex's own source position in its own sample, so nothing is
@@ -34,11 +35,18 @@ def vertex_colours(quilt: Quilt, samples: Sequence[Sample]) -> F4:
         raise InvalidParameter("the quilt holds source positions that are not finite")
     for index, sample in enumerate(samples):
         colour = np.ascontiguousarray(sample.colour, np.float32)
-        _look_up(colour, sample.tiles, quilt.source, quilt.sample, quilt.patch, index, colours)
+        for begin, end in blocks(len(colours), 1 << 19, progress, "colours"):
+            part = slice(begin, end)
+            _look_up(
+                colour, sample.tiles, quilt.source[part], quilt.sample[part], quilt.patch[part],
+                index, colours[part],
+            )  # fmt: skip
     return colours
 
 
-def atlas_texture(dense: DenseMesh, colours: F4, *, source: I4 | None = None) -> NDArray[np.uint8]:
+def atlas_texture(
+    dense: DenseMesh, colours: F4, *, source: I4 | None = None, progress: Progress = silent
+) -> NDArray[np.uint8]:
     """Image of the atlas, gutter filled without limit: (size, size, 3) u8, row 0 on top.
 
     colours : (N, 3) f4, 0–1 per dense vertex, clipped and rounded to 8 bits. `source` is
@@ -49,7 +57,7 @@ def atlas_texture(dense: DenseMesh, colours: F4, *, source: I4 | None = None) ->
             f"colours have shape {colours.shape}, the dense mesh {len(dense.vertices)} vertices"
         )
     if source is None:
-        source = gutter_source(dense)
+        source = gutter_source(dense, progress=progress)
     return _gather(source, quantise(colours))
 
 

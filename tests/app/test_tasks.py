@@ -130,6 +130,53 @@ def test_a_slow_window_misses_frames_but_no_result(qtbot):
     assert made == [0]  # what nobody sees is not made
 
 
+def test_a_paused_job_waits_and_goes_on(qtbot):
+    tasks, calls, told = Tasks(), [], []
+    tasks.held.connect(told.append)
+
+    def job(progress, report):
+        while len(calls) < 4000:
+            progress(len(calls) / 4000, "counting")
+            calls.append(0)
+        return len(calls)
+
+    tasks.progressed.connect(lambda fraction, label, left: tasks.pause() if not told else None)
+    with qtbot.waitSignal(tasks.held, timeout=20_000):
+        tasks.start("job", job)
+    qtbot.wait(100)  # it stops at its next call
+    before = len(calls)
+    qtbot.wait(200)
+    assert tasks.paused and tasks.busy and len(calls) == before < 4000
+    with qtbot.waitSignal(tasks.finished, timeout=20_000):
+        tasks.pause(False)
+    assert told == [True, False] and len(calls) == 4000 and not tasks.paused
+    tasks.pause()  # nothing runs: nothing to hold
+    assert told == [True, False]
+
+
+def test_a_paused_job_can_be_cancelled(qtbot):
+    tasks, calls = Tasks(), []
+
+    def job(progress, report):
+        while True:
+            progress(0.5, "waiting")
+            calls.append(0)
+
+    tasks.start("job", job)
+    qtbot.waitUntil(lambda: len(calls) > 0, timeout=20_000)
+    tasks.pause()
+    with qtbot.waitSignal(tasks.cancelled, timeout=20_000):
+        tasks.cancel()
+    assert not tasks.busy and not tasks.paused
+
+
+def test_a_pause_does_not_count_as_time_spent():
+    clock = Clock()
+    assert clock.left(0.0, 100.0) == -1
+    clock.skip(50.0)
+    assert clock.left(0.25, 151.0) == pytest.approx(3.0)
+
+
 def test_time_left_is_proportional_and_silent_at_first():
     clock = Clock()
     assert clock.left(0.0, 100.0) == -1

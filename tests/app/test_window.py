@@ -141,6 +141,33 @@ def test_cancel_leaves_the_document_usable(qtbot, window, files):
     assert window.document.decoration is not None and window.run.export.isEnabled()
 
 
+def test_pause_waits_and_going_on_gives_the_same_quilt(qtbot, window, files):
+    load(qtbot, window, files, rate=128)
+    work, paused = window.operations.work, []
+    assert not window.menus.pause.isEnabled()
+
+    def hold(fraction, label, left):
+        if label == "quilting" and not paused:
+            paused.append(fraction)
+            window.menus.pause.trigger()
+
+    work.progressed.connect(hold)
+    with qtbot.waitSignal(work.held, timeout=LONG):
+        window.synthesize()
+    qtbot.wait(300)
+    assert work.busy and work.paused and window.menus.pause.isChecked()
+    assert window.run.label.text() == "Paused" and window.run.pause.text() == "Go on"
+    assert window.run.pause.isVisible() and window.document.decoration is None
+    qtbot.mouseClick(window.run.pause, Qt.MouseButton.LeftButton)
+    assert not work.paused and not window.menus.pause.isChecked()
+    idle(qtbot, window)
+    first = window.document.decoration.quilt
+    assert (first.patch >= 0).all() and not window.run.pause.isVisible()
+    window.synthesize()
+    idle(qtbot, window)
+    assert window.document.decoration.quilt.source.tobytes() == first.source.tobytes()
+
+
 def test_the_second_run_keeps_the_atlas_and_another_rate_makes_another(qtbot, window, files):
     load(qtbot, window, files)
     seen = []

@@ -7,7 +7,9 @@ from pathlib import Path
 from btfcore.errors import InvalidParameter
 from btfcore.pipeline import load_mesh, load_sample, prepare, synthesizer
 from btfcore.quilt.parameters import QuiltParameters
+from btfcore.types import Sample
 from tests.bench.table import ROOT
+from tests.bench.woven import woven_sample
 
 FOLDERS = (ROOT / "resources", ROOT.parent / "shared" / "data")
 
@@ -27,6 +29,11 @@ def present(names: list[str]) -> tuple[list[str], str]:
     if not there:
         raise InvalidParameter(f"none of the benchmark's inputs is here: {', '.join(names)}")
     return there, f"Not here and left out: {', '.join(absent)}." if absent else ""
+
+
+def quilting_sample(name: str) -> Sample:
+    """Return a sample by its file name; "woven" is the baked weave of `tests.bench.woven`."""
+    return woven_sample() if name == "woven" else load_sample(found(name))
 
 
 def warm_up(*, quilting: bool = True) -> None:

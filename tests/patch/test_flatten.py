@@ -133,7 +133,7 @@ def test_a_map_that_meets_itself_is_torn_and_cut():
     field = constant_field(dense, (0, 1.0, 0))
     net, local, order, start = flat(dense, field, 40 * 24, 20)
     points, _ = exponential_map(net.indptr, net.indices, net.edge, net.turn, order, start, local)
-    sound = sound_levels(
+    sound, _ = sound_levels(
         net.indptr, net.indices, net.face_ptr, net.face_of, net.faces, net.area, net.edge,
         order, start, local, points, 4.0, 0.005, 1.3, 1.0,
     )  # fmt: skip

@@ -1,0 +1,243 @@
+"""Refinement: the worst seams are cut again with fresh placements (Kwatra et al. 2003, §4.1)."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from btfcore.errors import InvalidParameter
+from btfcore.patch.bend import bent, fit_bend
+from btfcore.patch.distortion import field_directions
+from btfcore.patch.flatten import FlatPatch
+from btfcore.patch.resample import look_up, work_image
+from btfcore.progress import Progress, between, silent
+from btfcore.quilt.extend import extensions
+from btfcore.quilt.matching import Matcher, Placement
+from btfcore.quilt.patches import median_direction
+from btfcore.quilt.recut import recut
+from btfcore.quilt.register import register
+from btfcore.quilt.synthesize import Synthesizer
+from btfcore.quilt.worst import WorstSeams
+from btfcore.types import F4, F8, I4
+
+SIZES = (1.0, 0.5, 1.5, 0.25)  # of r_w: what is placed anew, by how often that was in vain
+RIM = 20  # levels around it in which the seam may run, as in `QuiltParameters.band`
+MATCHED, EXTENDED = 2, 4  # placements found by matching, and by extending what is there
+REACH, ROUNDS = 1.5, 6  # registration: texels that it may shift by, its steps
+# What an angle to the field costs, per vertex and multiple of near_field, over the cost of
+# random pairs: without it seams get cheaper at the field's expense.
+ASTRAY, FARTHEST = 0.01, 6.0
+WORTH = 0.01  # share of a patch's seam cost below which a try counts as in vain
+
+
+@dataclass
+class RefineStatistics:
+    """What a refinement did.
+
+    tries: places that were cut again; accepted: those that became cheaper; before, after:
+    Σ ½ V_pq of the whole quilt per vertex, over the mean distance of random texels.
+    """
+
+    tries: int = 0
+    accepted: int = 0
+    before: float = 0.0
+    after: float = 0.0
+
+
+def check_budget(seconds: float | None, tries: int | None) -> None:
+    """Raise `InvalidParameter` where a budget is negative or no number."""
+    for name, budget in (("seconds", seconds), ("tries", tries)):
+        if budget is not None and not budget >= 0:
+            raise InvalidParameter(f"refinement for {budget:g} {name}; it must be 0 or more")
+
+
+def refine(
+    engine: Synthesizer,
+    *,
+    seconds: float | None = None,
+    tries: int | None = None,
+    progress: Progress = silent,
+) -> RefineStatistics:
+    """Cut the worst seams of `engine`'s quilt again, until a budget ends or nothing improves.
+
+    `tries` patches are cut at most, for at most `seconds`; with both None, until every seam
+    was tried in vain. The n-th try is the same in every run; how many of them fit into
+    `seconds` is not, so give `tries` where the same bits are wanted. The seam cost never
+    rises; bare vertices stay bare. `progress` may raise `Cancelled` between placements: the
+    state is valid then. Raises `InvalidParameter` where a budget is negative or no number, and
+    for quilts of several samples.
+    """
+    check_budget(seconds, tries)
+    if len(engine.sheet.grids) > 1:
+        raise InvalidParameter(
+            f"refinement works on one sample, the quilt has {len(engine.sheet.grids)}"
+        )
+    began = time.monotonic()
+    run = _Refiner(engine, between(progress, 0.0, 0.0))
+    found = RefineStatistics(before=run.energy())
+    while tries is None or found.tries < tries:
+        spent = time.monotonic() - began
+        if seconds is not None and spent >= seconds:
+            break
+        vertex, failures = run.worst.pick()
+        if vertex < 0:
+            break
+        done = found.tries / tries if tries else found.tries / (found.tries + 1000.0)
+        share = min(max(done, spent / seconds if seconds else 0.0), 1.0)
+        found.accepted += run.improve(vertex, failures, between(progress, share, share))
+        found.tries += 1
+    found.after = run.energy()
+    progress(1.0, "refining")
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Lay:
+    """A flattened patch in the field's frame, ready to be placed.
+
+    plane (n,) complex in dense-mesh steps, the field along +x; turn (inner,) complex: field
+    direction of the vertices in it; known (n,): what placements are matched with.
+    """
+
+    patch: FlatPatch
+    plane: NDArray[np.complex128]
+    turn: NDArray[np.complex128]
+    known: NDArray[np.bool_]
+
+
+class _Refiner:
+    """Places, matches and cuts; holds the seam costs of the quilt as it is."""
+
+    def __init__(self, engine: Synthesizer, progress: Progress) -> None:
+        self.engine, self.net = engine, engine.net
+        self.state, self.grid = engine.state, engine.grid
+        self.worst = WorstSeams(self.net, self.state, self.grid.cut, progress=progress)
+        self._flattener = engine._flattener
+        self._matcher = Matcher(self.grid)
+
+    def energy(self) -> float:
+        """Seam cost per vertex over the random one, as `measure_seams` has it."""
+        count, unit = max(len(self.state.patch), 1), max(self.grid.random_difference, 1e-12)
+        return self.worst.total() / 2 / count / unit
+
+    def improve(self, vertex: int, failures: int, progress: Progress) -> bool:
+        """Try placements around `vertex`; True where the quilt became cheaper."""
+        core = max(int(SIZES[failures % len(SIZES)] * self.engine.radius), 2)
+        patch = self._flattener.flatten(vertex, core + RIM)
+        total, near = self.worst.total(), float(self.worst.cost[patch.order].sum())
+        try:
+            lay = self._lay(patch)
+            for at in self._placements(lay):
+                progress(1.0, "refining")
+                self._expand(lay, at)
+        finally:
+            self._flattener.release(patch)
+        gain = total - self.worst.total()
+        if gain > WORTH * near:
+            self.worst.improved(patch.order)
+        else:
+            levels = max(min(core, patch.radius) // 4, 1)
+            self.worst.failed(patch.order[: patch.start[min(levels, len(patch.start) - 1)]])
+        return gain > 0
+
+    def _directions(self, patch: FlatPatch) -> NDArray[np.complex128]:
+        net = self.net
+        turn = field_directions(
+            net.indptr, net.indices, net.edge, patch.order, patch.inner, self._flattener.local,
+            patch.plane,
+        )  # fmt: skip
+        return np.asarray(turn[:, 0] + 1j * turn[:, 1])
+
+    def _lay(self, patch: FlatPatch) -> _Lay:
+        """Bend a patch along the field, as in synthesis, and leave its middle unknown."""
+        knobs, order, inner = self.engine.parameters, patch.order, patch.inner
+        turn = self._directions(patch)
+        if knobs.bend > 0.0 and not knobs.literal:
+            everywhere = np.ones(inner, np.bool_)
+            bend, _ = fit_bend(turn, patch.plane, everywhere, inner, knobs.bend)
+            patch.plane = bent(patch.plane, bend)
+            turn = self._directions(patch)
+        levels, last = max(patch.radius - RIM, patch.radius // 2, 1), len(patch.start) - 1
+        core = int(patch.start[min(levels, last)])
+        mean = median_direction(turn[:core], turn[0])
+        plane = (patch.plane[:, 0] + 1j * patch.plane[:, 1]) * mean.conjugate()
+        known = self.state.patch[order] >= 0
+        known[:core] = False
+        known[int(patch.start[min(levels + knobs.match_band, last)]) :] = False
+        return _Lay(patch, plane, turn * mean.conjugate(), known)
+
+    def _placements(self, lay: _Lay) -> list[Placement]:
+        """Placements that match around the middle, then those that extend old patches."""
+        return [
+            *self._matched(lay),
+            *extensions(self.state, lay.patch.order, lay.plane / self.grid.unit, EXTENDED),
+        ]
+
+    def _matched(self, lay: _Lay) -> list[Placement]:
+        knobs, grid, net, order = self.engine.parameters, self.grid, self.net, lay.patch.order
+        point = np.stack([lay.plane.real, -lay.plane.imag], axis=1) / grid.unit
+        values = look_up(grid.match, self.state.source[order])
+        reach, most = float(np.abs(point).max()), max(grid.cut.shape[:2])
+        half = int(min(-(-(reach + 1) // 4) * 4, -(-most // 4) * 4))
+        image, mask = work_image(
+            net.faces, net.face_ptr, net.face_of, order, self._flattener.local, point, values,
+            lay.known, half,
+        )  # fmt: skip
+        if not mask.any():
+            return []
+        found = []
+        for at in self._matcher.match(
+            image, mask, most=MATCHED, overlap=knobs.overlap, margin=knobs.margin
+        ):
+            column, row, turn, cost = register(
+                grid.match, point[lay.known], values[lay.known], (at.column, at.row, at.turn),
+                REACH, np.radians(knobs.sway), ROUNDS,
+            )  # fmt: skip
+            found.append(Placement(column, row, cost, turn) if np.isfinite(cost) else at)
+        return found
+
+    def _expand(self, lay: _Lay, at: Placement) -> None:
+        """Give a placement what makes the quilt cheaper: an expansion move."""
+        state, net, patch = self.state, self.net, lay.patch
+        spin = np.exp(1j * at.turn)
+        spun = lay.plane * spin / self.grid.unit
+        place = np.empty((len(spun), 2), np.float32)
+        place[:, 0], place[:, 1] = at.column + spun.real, at.row - spun.imag
+        angle = -np.angle(lay.turn * spin)
+        unit = ASTRAY * self.grid.random_difference
+        bias = self._astray(angle) - self._astray(state.angle[patch.order[: patch.inner]])
+        cut = recut(
+            net.indptr, net.indices, patch.order, patch.inner, self._flattener.local, place,
+            state.patch, state.source, state.ghost, self.grid.cut, unit * bias,
+        )  # fmt: skip
+        if cut.after < cut.before and cut.fresh.any():
+            self._accept(patch.order, cut.fresh, place, angle)
+
+    def _astray(self, angle: F4 | F8) -> F8:
+        """Angles to the field in multiples of `near_field`, bounded."""
+        near = np.radians(self.engine.parameters.near_field)
+        return np.minimum(np.abs(angle.astype(np.float64)) / max(near, 1e-3), FARTHEST)
+
+    def _accept(self, order: I4, fresh: NDArray[np.bool_], place: F4, angle: F8) -> None:
+        """Take a cut if the seams recounted are cheaper, else leave every bit as it was."""
+        state, net = self.state, self.net
+        mine = order[: len(fresh)][fresh]
+        slots = _slots(net.indptr, mine)
+        kept = (
+            state.source[mine], state.angle[mine], state.patch[mine], state.ghost[slots],
+            state.patches,
+        )  # fmt: skip
+        state.accept(net, order, self._flattener.local, place, fresh, angle)
+        if not self.worst.update(mine):
+            state.source[mine], state.angle[mine], state.patch[mine], state.ghost[slots] = kept[:4]
+            state.patches = kept[4]
+
+
+def _slots(indptr: I4, vertices: I4) -> NDArray[np.int64]:
+    """Slots of the half-edges that leave `vertices`, row by row."""
+    length = (indptr[vertices + 1] - indptr[vertices]).astype(np.int64)
+    first = np.cumsum(length) - length
+    return np.arange(length.sum()) - np.repeat(first - indptr[vertices], length)
