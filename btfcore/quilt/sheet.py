@@ -38,7 +38,7 @@ class Sheet(Frozen):
 def single(grid: F4) -> Sheet:
     """One sample's channels (h, w, K) as a sheet; nothing is copied."""
     frames = np.array([[0, *grid.shape]], np.int32)
-    return Sheet(grid.view(), np.zeros((1, 1, 3), np.float32), frames)
+    return Sheet(grid.view(), np.zeros((1, 1, 3), grid.dtype), frames)
 
 
 def sheet_of(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
@@ -30,9 +30,14 @@ class QuiltState:
     patch: I4
     ghost: F4
     angle: F4
-    sample: U2
-    layout: Layout | None = None
     patches: int = 0
+    sample: U2 = field(default_factory=lambda: np.zeros(0, np.uint16))
+    layout: Layout | None = None
+
+    def __post_init__(self) -> None:
+        """Take the first sample where none is named."""
+        if len(self.sample) != len(self.patch):
+            self.sample = np.zeros(len(self.patch), np.uint16)
 
     @classmethod
     def bare(cls, net: Connectivity, layout: Layout | None = None) -> QuiltState:
@@ -43,8 +48,7 @@ class QuiltState:
             np.full(count, -1, np.int32),
             np.zeros((len(net.indices), 2), np.float32),
             np.zeros(count, np.float32),
-            np.zeros(count, np.uint16),
-            layout,
+            layout=layout,
         )
 
     @classmethod
