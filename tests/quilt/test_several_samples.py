@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from btfcore.errors import InvalidParameter
+from btfcore.errors import Cancelled, InvalidParameter, InvalidQuilt
 from btfcore.patch.connectivity import connect
 from btfcore.quilt.layout import Borders, lay_out
 from btfcore.quilt.measure import measure_by_sample, measure_seams
 from btfcore.quilt.parameters import QuiltParameters
+from btfcore.quilt.refine import refine
 from btfcore.quilt.synthesize import Synthesizer
 from btfcore.render.texture import vertex_colours
 from btfcore.types import Sample
@@ -203,3 +204,34 @@ def test_samples_must_fit_the_layout(ball):
         Synthesizer(dense, field, blobs(), QuiltParameters(), layout=layout)
     with pytest.raises(InvalidParameter, match="2 samples"):
         Synthesizer(dense, field, [blobs(), factors()], QuiltParameters())
+
+
+@pytest.mark.parametrize("hard", [True, False])
+def test_a_quilt_of_several_samples_can_be_continued(ball, hard):
+    dense, field, net = ball
+    layout = lay_out(net, halves(dense), [0, 1], Borders.all(hard), 12)
+    samples, knobs = [blobs(), factors()], QuiltParameters()
+    first = Synthesizer(dense, field, samples, knobs, layout=layout)
+
+    def stop(fraction, label):
+        if fraction > 0.75:
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        first.run(progress=stop)
+    part = first.state.quilt(first.sheet)
+    done = part.patch >= 0
+    assert 0.4 < done.mean() < 1.0 and len(np.unique(part.sample[done])) == 2
+    again = Synthesizer(dense, field, samples, knobs, layout=layout, start=part)
+    quilt = again.run()
+    assert (quilt.patch >= 0).all()
+    assert layout.allowed[quilt.sample, np.arange(len(done))].all()
+    with pytest.raises(InvalidQuilt, match="another region"):
+        other = lay_out(net, 1 - halves(dense), [0, 1], Borders.all(True), 12)
+        Synthesizer(dense, field, samples, knobs, layout=other, start=part)
+
+
+def test_refinement_says_that_it_takes_one_sample(ball):
+    engine, _, _ = run(ball, [blobs(), factors()], halves(ball[0]), [0, 1], Borders.all(True))
+    with pytest.raises(InvalidParameter, match="one sample, the quilt has 2"):
+        refine(engine, tries=1)
