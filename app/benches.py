@@ -8,7 +8,10 @@ from pathlib import Path
 
 from btfcore.errors import InvalidParameter
 
-STAGES = ("dense", "quilt", "growth", "mapping", "bake", "factorize", "harmonics", "interpolation")
+STAGES = (
+    "dense", "quilt", "growth", "shortcuts", "mapping", "bake", "factorize", "harmonics",
+    "interpolation",
+)  # fmt: skip
 
 
 def run_bench(stage: str, *, write: bool, quick: bool) -> None:

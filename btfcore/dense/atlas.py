@@ -34,7 +34,7 @@ def build_atlas(
     """
     charts = chart_mesh(mesh, limit_s=limit_s, progress=between(progress, 0.0, 0.85))
     progress(0.85, "packing charts")
-    atlas = pack(charts, rate=rate)
+    atlas = pack(charts, rate=rate, progress=between(progress, 0.85, 1.0))
     progress(1.0, "packing charts")
     return atlas
 
@@ -65,12 +65,14 @@ def _chart_unit(mesh: Mesh, limit_s: float, progress: Progress) -> Charts:
         found = _run(task, mesh, limit_s, foreign)
         few = Mesh(found["vertices"], found["faces"])
         proxy = _flattened(few, found, between(progress, 0.7, 0.8))
-        chart, uv, usable = transfer(proxy, mesh, found["nearest"])
+        chart, uv, usable = transfer(
+            proxy, mesh, found["nearest"], progress=between(progress, 0.8, 0.85)
+        )
     except (GuardedFailure, AtlasFailed):
         progress(0.7, _LABEL)
         chart, uv, usable = segment(mesh)
         return flatten_charts(mesh, chart, uv, usable=usable, progress=between(progress, 0.7, 1.0))
-    return flatten_charts(mesh, chart, uv, usable=usable, progress=between(progress, 0.8, 1.0))
+    return flatten_charts(mesh, chart, uv, usable=usable, progress=between(progress, 0.85, 1.0))
 
 
 def _run(task: str, mesh: Mesh, limit_s: float, progress: Progress) -> Arrays:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from btfcore.dense.charts import Charts, surface_areas, true_to_size
@@ -41,17 +43,20 @@ def flatten_charts(
     that do not hang together become charts. Charts that fold, overlap themselves or stretch
     are bisected; small ones are joined to a neighbour where that does none of it.
     """
-    work = _Flattening(mesh, chart, uv)
+    progress(0.0, "laying charts flat")
+    work = _Flattening(mesh, chart, uv, lambda: progress(work.share, "laying charts flat"))
     everything = np.arange(len(mesh.faces))
     work.settle(everything, np.ones(len(everything), bool) if usable is None else usable)
     touched = everything
     for step in range(_CUTS):
-        progress(0.5 + 0.3 * step / _CUTS, "laying charts flat")
+        work.share = 0.5 + 0.3 * step / _CUTS
+        progress(work.share, "laying charts flat")
         touched = work.cut(touched)
         if len(touched) == 0:
             break
     for step in range(_JOINS):
-        progress(0.8 + 0.2 * step / _JOINS, "joining small charts")
+        work.share = 0.8 + 0.2 * step / _JOINS
+        progress(work.share, "joining small charts")
         if not work.join():
             break
     flat = np.stack([work.place.real, -work.place.imag], axis=-1)
@@ -61,7 +66,8 @@ def flatten_charts(
 class _Flattening:
     """Labels and flat corners of a mesh while charts are cut and joined."""
 
-    def __init__(self, mesh: Mesh, chart: I4, uv: F8) -> None:
+    def __init__(self, mesh: Mesh, chart: I4, uv: F8, tick: Callable[[], None]) -> None:
+        self.tick, self.share = tick, 0.0  # called between steps; share of the work done
         self.twin = twins(mesh.faces)
         self.shape, self.weight = face_shapes(mesh)
         self.area = surface_areas(mesh)
@@ -78,13 +84,16 @@ class _Flattening:
     def settle(self, subset: I8, usable: Flags) -> None:
         """Lay whole charts flat anew, from the places of the faces that are usable."""
         some = net(self.chart, self.twin, self.shape, self.weight, subset)
+        self.tick()
         position, known = mean_positions(some, self.place[subset], usable)
         unfold(some, position, known)
+        self.tick()
         self.place[subset] = relax(some, position)[some.corner]
 
     def quality(self, subset: I8) -> tuple[I4, Quality]:
         """Charts of a subset of faces and how well they lie."""
         charts, local = np.unique(self.chart[subset], return_inverse=True)
+        self.tick()
         found = measure(
             local.astype(np.int32),
             len(charts),
@@ -121,10 +130,13 @@ class _Flattening:
         target[guest] = host
         touched = np.flatnonzero(np.isin(self.chart, np.concatenate([guest, host])))
         usable = ~np.isin(self.chart[touched], guest)
+        self.tick()
         hosts, earlier = self.quality(touched)
         self.chart = target[self.chart]
         self.settle(touched, usable)
+        self.tick()
         charts, found = self.quality(touched)
+        self.tick()
         worse = found.fill < _KEPT * earlier.fill[np.searchsorted(hosts, charts)]
         wrong = charts[fails(found, _STRICT) | (worse & (found.fill < _COMPACT))]
         back = np.flatnonzero(np.isin(self.chart, wrong))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from btfcore.dense.charts import Charts, signed_areas
 from btfcore.dense.placement import place
 from btfcore.dense.stencil import Stencils, cut_stencils, quarter_turn, stack
 from btfcore.errors import AtlasFailed
+from btfcore.progress import Progress, silent
 from btfcore.types import F8, I4, I8, Atlas
 
 GAP = 3  # texels between charts: room for bilinear look-ups on both sides
@@ -32,6 +34,7 @@ class _Board:
     bounds: I8
     size: int  # cells a side
     cell: int  # texels a cell's side
+    tick: Callable[[], None]  # called before each attempt
 
     @property
     def phase(self) -> float:
@@ -65,7 +68,7 @@ class _Layout:
     stencils: Stencils
 
 
-def pack(charts: Charts, *, rate: int, gap: int = GAP) -> Atlas:
+def pack(charts: Charts, *, rate: int, gap: int = GAP, progress: Progress = silent) -> Atlas:
     """Lay charts out in a rate x rate image, all at one scale, the largest found to fit.
 
     Texels of different charts are at least `gap` columns or rows apart; where that would
@@ -80,7 +83,9 @@ def pack(charts: Charts, *, rate: int, gap: int = GAP) -> Atlas:
     unit = max(float(np.abs(charts.uv).max()), np.finfo(float).tiny)
     uv = _upright(charts.uv / unit, order, bounds)  # areas must neither overflow nor vanish
     cell = max(1, -(-(rate - 2) // _BOARD))
-    board = _Board(uv, order, bounds, (rate - 2) // cell, cell)
+    board = _Board(
+        uv, order, bounds, (rate - 2) // cell, cell, lambda: progress(0.0, "packing charts")
+    )
     area = float(np.abs(signed_areas(uv)).sum())
     orders = _orders(board)
     found: _Layout | None = None
@@ -159,6 +164,7 @@ def _attempt(
     board: _Board, orders: list[I8], gap: int, scale: float, first: int = 0
 ) -> _Layout | None:
     """Place all charts at `scale` in the first order that fits, beginning with `first`."""
+    board.tick()
     uv = board.uv * scale + board.phase
     if np.abs(uv).max() > 2 * board.size:
         return None
@@ -171,6 +177,7 @@ def _attempt(
     margin = board.margin(gap)
     for k in range(len(orders)):
         rank = (first + k) % len(orders)
+        board.tick()
         placement = place(stencils, orders[rank], board.size, margin)
         if placement is not None:
             return _Layout(scale, rank, placement, stencils)

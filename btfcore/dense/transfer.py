@@ -8,13 +8,17 @@ from btfcore.dense.charts import Charts, surface_areas
 from btfcore.dense.labels import absorb, fill, smooth
 from btfcore.dense.unwrap import Flags
 from btfcore.mesh.topology import twins
+from btfcore.progress import Progress, silent
 from btfcore.types import F8, I4, Mesh
 
+_LABEL = "carrying charts over"
 _FACING = 0.3  # least cosine between a face's normal and its proxy face's
 _LEAST = 1e-3  # of the surface: smaller pieces join a neighbour
 
 
-def transfer(proxy: Charts, mesh: Mesh, nearest: I4) -> tuple[I4, F8, Flags]:
+def transfer(
+    proxy: Charts, mesh: Mesh, nearest: I4, *, progress: Progress = silent
+) -> tuple[I4, F8, Flags]:
     """Chart and rough layout for every face of `mesh` from its nearest proxy face.
 
     nearest (F,) i4. Returns chart (F,) i4 in connected pieces, uv (F, 3, 2) f8, and whether
@@ -27,11 +31,15 @@ def transfer(proxy: Charts, mesh: Mesh, nearest: I4) -> tuple[I4, F8, Flags]:
     length = np.linalg.norm(own, axis=1)
     facing = (own * normal[nearest]).sum(axis=1) >= _FACING * length
     origin = np.where(facing, proxy.chart[nearest], -1).astype(np.int32)
+    progress(0.2, _LABEL)
     twin = twins(mesh.faces)
     area = surface_areas(mesh)
     edges = np.linalg.norm(np.roll(corner, -1, axis=1) - corner, axis=2).ravel()
+    progress(0.4, _LABEL)
     chart = smooth(fill(origin, twin), twin)
+    progress(0.6, _LABEL)
     chart = absorb(chart, twin, area, edges, least=_LEAST * float(area.sum()))
+    progress(0.8, _LABEL)
     main = _heaviest(chart, origin, area)
     uv = _laid_out(proxy, frame, corner, nearest)
     return chart, uv, (origin >= 0) & (origin == main[chart])

@@ -67,7 +67,12 @@ def export(
     progress(0.0, "filling the gutter")
     texture = atlas_texture(dense, colours, source=source, progress=between(progress, 0.0, 0.2))
     progress(0.2, "normals and tangents")
-    surface = export_dense(dense) if dense_shape else export_input(mesh, atlas)
+    part = between(progress, 0.2, 0.4)
+    surface = (
+        export_dense(dense, progress=part)
+        if dense_shape
+        else export_input(mesh, atlas, progress=part)
+    )
     progress(0.4, "encoding the texture")
     png = encode_png(texture, progress=lambda fraction, label: progress(0.4, label))
     progress(0.5, "writing")

@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 from btfcore.errors import InvalidParameter
 from btfcore.files.tangents import vertex_tangents
 from btfcore.mesh.topology import fans, twins, vertex_normals
+from btfcore.progress import Progress, between, silent
 from btfcore.render.gutter import texel_frames
 from btfcore.types import F4, F8, I4, Atlas, DenseMesh, Frozen, Mesh
 
 _FARTHEST = 1.5  # texels that a zippered triangle may reach out of its chart, half a gutter
+_LABEL = "normals and tangents"
 _TOGETHER = 2  # texels between corners on the same side of a seam
 
 
@@ -40,7 +42,9 @@ class ExportSurface(Frozen):
     closed: bool
 
 
-def export_input(mesh: Mesh, atlas: Atlas, *, crease_deg: float = 60.0) -> ExportSurface:
+def export_input(
+    mesh: Mesh, atlas: Atlas, *, crease_deg: float = 60.0, progress: Progress = silent
+) -> ExportSurface:
     """Take the input mesh's own shape with the atlas as texture coordinates.
 
     Normals are smooth (weighted by angle) except across edges whose faces turn by more than
@@ -52,16 +56,18 @@ def export_input(mesh: Mesh, atlas: Atlas, *, crease_deg: float = 60.0) -> Expor
         )
     twin = twins(mesh.faces)
     closed = bool((twin >= 0).all())
+    progress(0.1, _LABEL)
     smooth = _cut(twin, _creases(mesh, twin, crease_deg))
     label, count = fans(smooth)
+    progress(0.3, _LABEL)
     points = mesh.vertices[mesh.faces.reshape(-1)[_first(label, count)]]
     normals = vertex_normals(points, label.reshape(-1, 3))
     return _assemble(
-        mesh.vertices, mesh.faces, atlas.uv, atlas.size, smooth, label, normals, closed
+        mesh.vertices, mesh.faces, atlas.uv, atlas.size, smooth, label, normals, closed, progress
     )
 
 
-def export_dense(dense: DenseMesh) -> ExportSurface:
+def export_dense(dense: DenseMesh, *, progress: Progress = silent) -> ExportSurface:
     """Take the dense mesh itself; zippered triangles reach from one chart into the gutter.
 
     A zippered triangle is textured on that side of the seam where most of its corners lie;
@@ -70,13 +76,16 @@ def export_dense(dense: DenseMesh) -> ExportSurface:
     """
     twin = twins(dense.faces)
     closed = bool((twin >= 0).all())
+    progress(0.1, _LABEL)
     uv = dense.texel[dense.faces][..., ::-1].astype(np.float64)
+    progress(0.2, _LABEL)
     torn = np.ptp(dense.chart[dense.faces], axis=1) > 0
     torn |= np.ptp(uv, axis=1).max(axis=1) > _TOGETHER  # a chart may border on itself
+    progress(0.3, _LABEL)
     uv[torn] = _continued(dense, dense.faces[torn], uv[torn])
     label = dense.faces.reshape(-1)
     return _assemble(
-        dense.vertices, dense.faces, uv, dense.size, twin, label, dense.normals, closed
+        dense.vertices, dense.faces, uv, dense.size, twin, label, dense.normals, closed, progress
     )
 
 
@@ -114,6 +123,7 @@ def _assemble(
     label: I4,
     normals: NDArray[np.floating],
     closed: bool,
+    progress: Progress,
 ) -> ExportSurface:
     """Join corners over `twin` where their texture coordinates agree.
 
@@ -121,10 +131,13 @@ def _assemble(
     """
     if not np.isfinite(uv).all():
         raise InvalidParameter(f"{int((~np.isfinite(uv)).any(axis=2).sum())} corners without uv")
+    progress(0.4, _LABEL)
     flat = ((uv.reshape(-1, 2) + 0.5) / size).astype(np.float32)
     after = np.arange(len(twin)) + np.tile([1, 1, -2], len(faces))  # the corner where h ends
     differs = (flat != flat[after[twin]]).any(axis=1) | (flat[after] != flat[twin]).any(axis=1)
+    progress(0.5, _LABEL)
     corner, count = fans(_cut(twin, differs))
+    progress(0.6, _LABEL)
     first = _first(corner, count)
     origin = faces.reshape(-1)[first]
     split = corner.reshape(-1, 3)
@@ -132,7 +145,9 @@ def _assemble(
     length = np.linalg.norm(unit, axis=1, keepdims=True)
     unit = np.where(length > 0.5, unit / np.where(length > 0.5, length, 1), [0.0, 0.0, 1.0])
     positions = np.asarray(vertices, np.float64)[origin]
-    tangents = vertex_tangents(positions, unit, flat[first], split)
+    tangents = vertex_tangents(
+        positions, unit, flat[first], split, progress=between(progress, 0.7, 1.0)
+    )
     return ExportSurface(
         positions, unit.astype(np.float32), tangents, flat[first], split, origin, closed
     )

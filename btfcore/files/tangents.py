@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from btfcore.progress import Progress, silent
 from btfcore.types import F4, F8, I4
 
 
-def vertex_tangents(positions: F8, normals: F8, uv: F4, faces: I4) -> F4:
+def vertex_tangents(
+    positions: F8, normals: F8, uv: F4, faces: I4, *, progress: Progress = silent
+) -> F4:
     """Average the texture's u directions at each vertex: (n, 4) f4, unit tangent and sign.
 
     positions (n, 3), normals (n, 3) unit, uv (n, 2) with v running *down* the image, faces
@@ -28,6 +31,7 @@ def vertex_tangents(positions: F8, normals: F8, uv: F4, faces: I4) -> F4:
     total = np.zeros((len(positions), 3))
     sign = np.zeros(len(positions))
     for k in range(3):
+        progress(0.1 + 0.3 * k, "normals and tangents")
         vertex = faces[:, k]
         ahead = corner[:, (k + 1) % 3] - corner[:, k]
         behind = corner[:, (k + 2) % 3] - corner[:, k]

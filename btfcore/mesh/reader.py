@@ -62,7 +62,10 @@ def read_mesh(
             )
         progress(0.6, f"repairing {file.name}")
         found = _regions(arrays, options, Path(regions) if labelled else str(regions))
-        mesh, notes = repair(arrays["vertices"], arrays["faces"], regions=found)
+        mesh, notes = repair(
+            arrays["vertices"], arrays["faces"], regions=found,
+            progress=between(progress, 0.6, 1.0),
+        )  # fmt: skip
         if str(regions) == "components":
             named = component_regions(mesh.faces)
             mesh = Mesh(mesh.vertices, mesh.faces, named.label, named.names)

@@ -14,6 +14,7 @@ from btfcore.mesh.split import split_nonmanifold
 from btfcore.mesh.topology import edges, is_manifold
 from btfcore.mesh.weld import collapse_short_edges, weld
 from btfcore.mesh.winding import agree, outward
+from btfcore.progress import Progress, silent
 from btfcore.types import F8, I4, I8, Mesh
 
 # Single precision, in which files and graphics cards keep coordinates, must hold a volume.
@@ -22,11 +23,16 @@ _SMALLEST, _LARGEST = 1e-12, 1e12
 _FLAT = 1e-12
 # Double precision must leave this many steps across the extent of a mesh far from the origin.
 _STEPS = 1e6
+_LABEL = "repairing"
 _ROUNDS = 4
 
 
 def repair(
-    vertices: ArrayLike, faces: ArrayLike, *, regions: Regions | None = None
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    *,
+    regions: Regions | None = None,
+    progress: Progress = silent,
 ) -> tuple[Mesh, tuple[str, ...]]:
     """Mend what can be mended without changing the shape, and say what was done.
 
@@ -48,15 +54,20 @@ def repair(
         raise InvalidMesh("no triangle is left: the mesh has no face with finite corners")
     tolerance = _FLAT * _extent(points[triangles.reshape(-1)])
     points, triangles = weld(points, triangles)
+    progress(0.1, _LABEL)
     triangles, merged = collapse_short_edges(points, triangles, tolerance)
     _note(notes, merged, "merged vertices at the ends of edges without length")
     triangles, kept = _without_repeats(triangles, notes)
     points, triangles = _compact(points, triangles)
+    progress(0.2, _LABEL)
     triangles, reversed_count = agree(triangles)
+    progress(0.4, _LABEL)
     _note(notes, reversed_count, "faces reversed to agree with their neighbours")
-    points, triangles, left = _manifold(points, triangles, tolerance, notes)
+    points, triangles, left = _manifold(points, triangles, tolerance, notes, progress)
+    progress(0.7, _LABEL)
     triangles, turned = outward(points, triangles)
     _note(notes, turned, "closed components turned outward")
+    progress(0.8, _LABEL)
     _recheck(points, triangles, tolerance)
     if regions is None:
         return Mesh(points, triangles), tuple(notes)
@@ -119,7 +130,9 @@ def _without_repeats(triangles: I4, notes: list[str]) -> tuple[I4, I8]:
     return triangles[proper[kept]], proper[kept]
 
 
-def _manifold(points: F8, triangles: I4, tolerance: float, notes: list[str]) -> tuple[F8, I4, I8]:
+def _manifold(
+    points: F8, triangles: I4, tolerance: float, notes: list[str], progress: Progress
+) -> tuple[F8, I4, I8]:
     """Split what is not manifold, and mend or drop faces of no area.
 
     A face changed by a flip comes from the face that covers its middle.
@@ -128,6 +141,7 @@ def _manifold(points: F8, triangles: I4, tolerance: float, notes: list[str]) -> 
     crowded = int((edges(triangles)[1] > 2).sum())
     extra, flipped, dropped = 0, 0, 0
     for _ in range(_ROUNDS):
+        progress(0.5, _LABEL)
         triangles, source = split_nonmanifold(points, triangles)
         extra += len(source) - len(points)
         points = points[source]
@@ -141,6 +155,7 @@ def _manifold(points: F8, triangles: I4, tolerance: float, notes: list[str]) -> 
         if len(triangles) == 0:
             raise InvalidMesh("no triangle is left: all faces have zero area")
         points, triangles = _compact(points, triangles)
+    progress(0.6, _LABEL)
     triangles, unfolded = unfold(points, triangles)
     _note(notes, crowded, "edges of more than two faces taken apart")
     _note(notes, extra, "vertices split where surfaces merely touch")

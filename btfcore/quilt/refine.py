@@ -127,15 +127,14 @@ class _Refiner:
         """Try placements around `vertex`; True where the quilt became cheaper."""
         core = max(int(SIZES[failures % len(SIZES)] * self.engine.radius), 2)
         patch = self._flattener.flatten(vertex, core + RIM)
-        total, near = self.worst.total(), float(self.worst.cost[patch.order].sum())
+        near, gain = float(self.worst.cost[patch.order].sum()), 0.0
         try:
             lay = self._lay(patch)
             for at in self._placements(lay):
                 progress(1.0, "refining")
-                self._expand(lay, at)
+                gain += self._expand(lay, at)
         finally:
             self._flattener.release(patch)
-        gain = total - self.worst.total()
         if gain > WORTH * near:
             self.worst.improved(patch.order)
         else:
@@ -192,6 +191,9 @@ class _Refiner:
         for at in self._matcher.match(
             image, mask, most=MATCHED, overlap=knobs.overlap, margin=knobs.margin
         ):
+            if knobs.literal or knobs.sway == 0.0:
+                found.append(at)
+                continue
             column, row, turn, cost = register(
                 grid.match, point[lay.known], values[lay.known], (at.column, at.row, at.turn),
                 REACH, np.radians(knobs.sway), ROUNDS,
@@ -199,8 +201,8 @@ class _Refiner:
             found.append(Placement(column, row, cost, turn) if np.isfinite(cost) else at)
         return found
 
-    def _expand(self, lay: _Lay, at: Placement) -> None:
-        """Give a placement what makes the quilt cheaper: an expansion move."""
+    def _expand(self, lay: _Lay, at: Placement) -> float:
+        """Give a placement what makes the quilt cheaper: an expansion move. Returns the gain."""
         state, net, patch = self.state, self.net, lay.patch
         spin = np.exp(1j * at.turn)
         spun = lay.plane * spin / self.grid.unit
@@ -214,14 +216,15 @@ class _Refiner:
             state.patch, state.source, state.ghost, self.grid.cut, unit * bias,
         )  # fmt: skip
         if cut.after < cut.before and cut.fresh.any():
-            self._accept(patch.order, cut.fresh, place, angle)
+            return self._accept(patch.order, cut.fresh, place, angle)
+        return 0.0
 
     def _astray(self, angle: F4 | F8) -> F8:
         """Angles to the field in multiples of `near_field`, bounded."""
         near = np.radians(self.engine.parameters.near_field)
         return np.minimum(np.abs(angle.astype(np.float64)) / max(near, 1e-3), FARTHEST)
 
-    def _accept(self, order: I4, fresh: NDArray[np.bool_], place: F4, angle: F8) -> None:
+    def _accept(self, order: I4, fresh: NDArray[np.bool_], place: F4, angle: F8) -> float:
         """Take a cut if the seams recounted are cheaper, else leave every bit as it was."""
         state, net = self.state, self.net
         mine = order[: len(fresh)][fresh]
@@ -231,9 +234,11 @@ class _Refiner:
             state.patches,
         )  # fmt: skip
         state.accept(net, order, self._flattener.local, place, fresh, angle)
-        if not self.worst.update(mine):
+        gain = self.worst.update(mine)
+        if not gain > 0:
             state.source[mine], state.angle[mine], state.patch[mine], state.ghost[slots] = kept[:4]
             state.patches = kept[4]
+        return gain
 
 
 def _slots(indptr: I4, vertices: I4) -> NDArray[np.int64]:

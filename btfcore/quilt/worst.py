@@ -81,22 +81,23 @@ class WorstSeams:
         """Forget the failures of `vertices`: their surroundings are others now."""
         self._failures[vertices] = self._rests[vertices] = 0
 
-    def update(self, changed: I4) -> bool:
-        """Recount after `changed` took new values; False, changing nothing, if not cheaper.
+    def update(self, changed: I4) -> float:
+        """Recount after `changed` took new values; the gain, or 0, changing nothing, if none.
 
         Only half-edges that leave `changed` or a neighbour of it can cost another sum.
         """
         net = self._net
         near = ball(net.indptr, net.indices, changed, 1, self._seen)
         cost = self._costs(near)
-        if not cost.sum() < self.cost[near].sum():
-            return False
+        gain = float(self.cost[near].sum() - cost.sum())
+        if not gain > 0:
+            return 0.0
         self.cost[near] = cost
         around = ball(net.indptr, net.indices, near, AROUND, self._seen)
         seams = self.cost[around] > 0
         self.score[around[~seams]] = 0.0
         self._score(around[seams])
-        return True
+        return gain
 
 
 @njit(cache=True)

@@ -36,12 +36,14 @@ SEEDS = (0, 1, 2)
 DRAWN = ("spot.obj", "woven", 1024)  # a mesh whose pictures anybody may use
 PICTURE = ROOT / "docs" / "gallery" / "figure2.jpg"
 NOTE = """Means of three seeds. Both methods have the same mesh, field, sample, size of texel,
-channels, number of placements and registration. *pattern mapping*: the input mesh's own
-triangles get texture coordinates, and a graph cut on its dual lets seams run along its edges
-only (Zhou §III-A, after hierarchical pattern mapping); *triangle*: mean edge of the input mesh in
-texels; *length*: texels of seam per 1,000 square texels of surface; *step*: mean of what is seen
-across the seams, ‖A − B‖, over the sample's mean texel difference; *cost*: both together, the
-integral of ‖A − B‖ along all seams per square texel over the distance of random texels."""
+channels, area of a work patch, number of placements and registration. *pattern mapping*: the
+input mesh's own triangles get texture coordinates, and a graph cut on its dual lets seams run
+along its edges only, without a bound on how far a piece may leave the field (Zhou §III-A, after
+hierarchical pattern mapping); *triangle*: mean edge of the input mesh in texels; *length*: texels
+of seam per 1,000 square texels of surface; *step*: mean of what is seen across the seams, ‖A −
+B‖, over the sample's mean texel difference; *cost*: both together, the integral of ‖A − B‖ along
+all seams per square texel over the distance of random texels; *angle*: median deviation from the
+field in degrees."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +89,7 @@ def pattern_mapping(case: Case) -> Result:
     mapping = mapper.run()
     spent = time.process_time() - began
     length, cost = triangle_seams(mapper, mapping)
-    return Result(drawn(case, mapping), mapper.patches, spent, length, cost)
+    return Result(drawn(case, mapper, mapping), mapper.patches, spent, length, cost)
 
 
 def quilting(case: Case) -> Result:
@@ -117,15 +119,16 @@ def tangents_at(prepared: Prepared) -> F8:
     return np.asarray(tangents / np.linalg.norm(tangents, axis=1)[:, None], np.float64)
 
 
-def drawn(case: Case, mapping: TriangleMapping) -> Quilt:
+def drawn(case: Case, mapper: PatternMapper, mapping: TriangleMapping) -> Quilt:
     """Texture coordinates of triangles as a quilting map of the dense mesh, to be drawn."""
     dense, grid = case.prepared.dense, case.grid
     corner = mapping.source[dense.face].astype(np.float64)
     source = grid.to_sample((corner * dense.bary[:, :, None]).sum(axis=1))
-    count = len(source)
-    return Quilt(
-        source, np.zeros(count, np.float32), np.zeros(count, np.uint16), mapping.patch[dense.face]
-    )
+    image = mapping.source[..., 0].astype(np.float64) - 1j * mapping.source[..., 1]  # rows go down
+    one, two = image[:, 1] - image[:, 0], image[:, 2] - image[:, 0]
+    turn = np.angle(mapper.field_in(np.arange(len(image)), one, two))
+    angle = -turn[dense.face].astype(np.float32)
+    return Quilt(source, angle, np.zeros(len(source), np.uint16), mapping.patch[dense.face])
 
 
 def triangle_seams(mapper: PatternMapper, mapping: TriangleMapping) -> tuple[float, float]:
@@ -189,6 +192,7 @@ class Row:
     length: float
     step: float
     cost: float
+    angle: float
 
 
 def case_of(mesh: str, sample: str, rate: int, *, seed: int = 0) -> Case:
@@ -200,13 +204,14 @@ def case_of(mesh: str, sample: str, rate: int, *, seed: int = 0) -> Case:
     return Case(prepared, picture, grid, parameters)
 
 
-def figures(case: Case, result: Result) -> tuple[float, float, float]:
-    """Length per 1,000 square texels, step in texel differences, and cost per square texel."""
+def figures(case: Case, result: Result) -> tuple[float, float, float, float]:
+    """Length per 1,000 square texels, step in texel differences, cost per square texel, angle."""
     dense, grid = case.prepared.dense, case.grid
     area = len(dense.vertices) * dense.step**2 / case.texel**2
     step = result.cost / max(result.length, 1e-12) / max(grid.texel_difference, 1e-12)
     cost = result.cost / area / max(grid.random_difference, 1e-12)
-    return 1000 * result.length / area, step, cost
+    angle = float(np.median(np.abs(np.degrees(result.quilt.angle.astype(np.float64)))))
+    return 1000 * result.length / area, step, cost, angle
 
 
 def edge_texels(case: Case) -> float:

@@ -180,11 +180,17 @@ class PatternMapper:
         bad = (area > bound * real) | (area * bound < real)
         if real[bad].sum() > BAD_AREA * real.sum():
             return None
-        heading = self._heading(faces, flat, one, two)
+        heading = self._heading(faces, one, two)
         return _Group(faces, flat * heading.conjugate())
 
-    def _heading(self, faces: I8, flat: C16, one: C16, two: C16) -> complex:
+    def _heading(self, faces: I8, one: C16, two: C16) -> complex:
         """Mean unit direction of the field in the plane, over the bare triangles."""
+        bare = self.patch[faces] < 0
+        mean = complex((self.field_in(faces, one, two) * self.area[faces])[bare].sum())
+        return mean / abs(mean) if abs(mean) > 1e-9 else 1.0 + 0j
+
+    def field_in(self, faces: I8, one: C16, two: C16) -> C16:
+        """Unit direction (m,) of the field where the edges from corner 0 are `one` and `two`."""
         corner = self.points[self.faces[faces]]
         u, v = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
         field = self.tangents[self.faces[faces]].mean(axis=1)
@@ -193,10 +199,7 @@ class PatternMapper:
         fu, fv = (field * u).sum(1), (field * v).sum(1)
         below = np.maximum(uu * vv - uv * uv, 1e-12 * np.maximum(uu * vv, 1e-300))
         turned = ((vv * fu - uv * fv) * one + (uu * fv - uv * fu) * two) / below
-        turned = turned / np.maximum(np.abs(turned), 1e-300) * self.area[faces]
-        bare = self.patch[faces] < 0
-        mean = complex(turned[bare].sum())
-        return mean / abs(mean) if abs(mean) > 1e-9 else 1.0 + 0j
+        return np.asarray(turned / np.maximum(np.abs(turned), 1e-300), np.complex128)
 
     # -- placements -----------------------------------------------------------------------
 

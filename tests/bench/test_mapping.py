@@ -179,7 +179,8 @@ def test_results_are_drawn_on_the_dense_mesh():
     result = METHODS["pattern mapping"](case)
     assert len(result.quilt.patch) == len(case.prepared.dense.vertices)
     assert (result.quilt.patch >= 0).all()
-    length, step, cost = figures(case, result)
+    length, step, cost, angle = figures(case, result)
+    assert 0 < angle < 20
     texels = cost * case.grid.random_difference / (length / 1000) / case.grid.texel_difference
     assert texels == pytest.approx(step)
     # inside a piece neighbours on the surface are neighbours in the sample
@@ -188,3 +189,16 @@ def test_results_are_drawn_on_the_dense_mesh():
     same = quilt.patch[ends[:, 0]] == quilt.patch[ends[:, 1]]
     apart = np.linalg.norm(quilt.source[ends[:, 0]] - quilt.source[ends[:, 1]], axis=1)[same]
     assert np.median(apart) == pytest.approx(1, abs=0.2)
+
+
+def test_angles_are_those_of_the_quilting():
+    dense = plane(9, 9)
+    mapper = mapper_of(dense)
+    turn = np.radians(25)
+    place = dense.vertices[:, :2] @ [[np.cos(turn), -np.sin(turn)], [-np.sin(turn), -np.cos(turn)]]
+    source = (place + 30)[dense.faces]  # there the field points up by 25 degrees
+    image = source[..., 0] - 1j * source[..., 1]
+    field = mapper.field_in(
+        np.arange(len(source)), image[:, 1] - image[:, 0], image[:, 2] - image[:, 0]
+    )
+    assert np.allclose(np.degrees(np.angle(field)), 25)

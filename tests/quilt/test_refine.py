@@ -85,7 +85,9 @@ def test_a_cut_that_is_no_cheaper_when_recounted_leaves_every_bit(monkeypatch):
     engine = quilted()
     before, patches = bits(engine), engine.state.patches
     asked = []
-    monkeypatch.setattr(WorstSeams, "update", lambda self, changed: bool(asked.append(changed)))
+    monkeypatch.setattr(
+        WorstSeams, "update", lambda self, changed: float(bool(asked.append(changed)))
+    )
     statistics = refine(engine, tries=8)
     assert asked and statistics.accepted == 0
     assert bits(engine) == before and engine.state.patches == patches
