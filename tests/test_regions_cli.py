@@ -173,3 +173,17 @@ def test_labels_that_do_not_fit_end_with_one_line(tmp_path, spot, halves, labels
     path.write_text(json.dumps([-1] * count if labels is None else labels))
     done = patina("decorate", spot, samples()[0], "-o", tmp_path / "x.glb", "--regions", path)
     assert done.returncode == 2 and reason in done.stderr and "Traceback" not in done.stderr
+
+
+def test_a_real_mesh_of_four_parts_takes_four_samples(data):
+    from btfcore.pipeline import decorate
+    from btfcore.regions import vertex_regions
+    from btfcore.report import region_report
+
+    files = samples()[:4]
+    asked = RegionSamples("components", [f"{part}={files[part]}" for part in (1, 2, 3)])
+    done = decorate(data / "meshes" / "shaderball.glb", files[0], rate=128, regions=asked)
+    region = vertex_regions(done.prepared.mesh, done.prepared.dense)
+    assert [sample.name for sample in done.samples] == [files[k].stem for k in (1, 2, 3, 0)]
+    assert (done.quilt.patch >= 0).all() and np.array_equal(done.quilt.sample, region)
+    assert [row["kept"] for row in region_report(done)["regions"]] == [1.0] * 4
