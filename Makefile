@@ -46,6 +46,7 @@ format: setup
 bench: setup
 	$(BIN)/patina bench dense $(ARGS)
 	$(BIN)/patina bench quilt $(ARGS)
+	$(BIN)/patina bench peers $(ARGS)
 	$(BIN)/patina bench bake $(ARGS)
 	$(BIN)/patina bench factorize $(ARGS)
 	$(BIN)/patina bench harmonics $(ARGS)

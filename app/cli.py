@@ -211,14 +211,27 @@ def gui(
 
 @app.command()
 def bench(
-    stage: Annotated[str, typer.Argument(help="dense, quilt, bake, factorize, harmonics, …")],
+    stage: Annotated[
+        str, typer.Argument(help="dense, quilt, peers, bake, factorize, harmonics, …")
+    ],
     write: Annotated[bool, typer.Option(help="Write the table into docs/benchmarks.md.")] = False,
     quick: Annotated[bool, typer.Option(help="Fewer meshes, samples and rates.")] = False,
+    peer: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="'NAME=COMMAND {in} {out}'",
+            help="peers: also run this program, which reads one PNG and writes another;"
+            " {size} and {seed} are filled in too. May be given again.",
+        ),
+    ] = None,
+    python: Annotated[
+        Path | None, typer.Option(help="peers: interpreter with OpenCV, scikit-image, …")
+    ] = None,
 ) -> None:
     """Print run time and error of a stage against its reference, in one run."""
     from app.benches import run_bench
 
-    run_bench(stage, write=write, quick=quick)
+    run_bench(stage, write=write, quick=quick, peers=peer, python=python)
 
 
 def main() -> None:

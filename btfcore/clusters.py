@@ -71,7 +71,9 @@ def gather_clusters(
     normals = _means(of, normals, area)
     normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-30)[:, None]
     progress(0.85, _LABEL)
-    links, border = _borders(of[pairs], clusters)
+    ends = of[pairs]
+    progress(0.95, _LABEL)
+    links, border = _borders(ends, clusters)
     apart = np.linalg.norm(points[links[:, 0]] - points[links[:, 1]], axis=1)
     graph = coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(clusters,) * 2)
     component = connected_components(graph, directed=False)[1].astype(np.int32)

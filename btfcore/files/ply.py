@@ -32,7 +32,7 @@ def write_ply(
             f"{len(vertices)} vertices, {len(normals)} normals and {len(colours)} colours"
         )
     progress(0.0, "writing PLY")
-    placed = place(vertices)
+    placed = place(np.stack([vertices.min(axis=0), vertices.max(axis=0)]))  # by the box alone
     plain = placed.scale == 1.0 and not any(placed.origin)
     number, word = ("<f4", "float") if plain else ("<f8", "double")
     row = [("position", number, 3), ("normal", "<f4", 3), ("colour", "u1", 3)]

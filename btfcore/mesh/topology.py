@@ -24,8 +24,16 @@ def edges(faces: ArrayLike, *, progress: Progress = silent) -> tuple[I4, I4]:
     progress(0.7, "edges")
     first = _run_starts(low, high, order)
     progress(0.8, "edges")
-    pairs = np.stack([low[order[first]], high[order[first]]], axis=1)
-    counts = np.diff(np.append(first, len(order))).astype(np.int32)
+    chosen = order[first]
+    pairs = np.empty((len(chosen), 2), np.int32)
+    pairs[:, 0] = low[chosen]
+    progress(0.9, "edges")
+    pairs[:, 1] = high[chosen]
+    progress(0.95, "edges")
+    counts = np.empty(len(first), np.int32)
+    counts[:-1] = first[1:] - first[:-1]
+    counts[-1:] = len(order) - first[-1:]
+    progress(1.0, "edges")
     return pairs, counts
 
 

@@ -44,7 +44,8 @@ def connect(dense: DenseMesh, field: Field, *, progress: Progress = silent) -> C
     progress(0.35, _LABEL)
     points = dense.vertices - dense.vertices.mean(axis=0)
     area = _areas(points, faces)
-    step = float(np.sqrt(area.sum() / len(points))) or 1.0  # single texels have no area
+    # two triangles make a square step; vertices would count a border's half squares whole
+    step = float(np.sqrt(2 * area.sum() / max(len(faces), 1))) or 1.0  # single texels: no area
     progress(0.4, _LABEL)
     points /= step
     edge = np.empty((len(indices), 2), np.float32)

@@ -11,6 +11,7 @@ from btfcore.patch.connectivity import Connectivity
 from btfcore.patch.distortion import field_directions
 from btfcore.patch.flatten import FlatPatch, Flattener
 from btfcore.patch.resample import look_up, work_image
+from btfcore.quilt.appearance import appearance
 from btfcore.quilt.beside import ColourMatcher
 from btfcore.quilt.fitting import Cut, fit, near_bare
 from btfcore.quilt.literal import RotatedMatcher
@@ -18,7 +19,8 @@ from btfcore.quilt.matching import Matcher, Placement
 from btfcore.quilt.measure import seam_edges_around
 from btfcore.quilt.parameters import QuiltParameters
 from btfcore.quilt.patches import median_direction
-from btfcore.quilt.register import register
+from btfcore.quilt.register import fit_warp, warped
+from btfcore.quilt.reuse import Reuse
 from btfcore.quilt.sheet import Sheet
 from btfcore.quilt.state import QuiltState
 from btfcore.types import F4, F8
@@ -61,16 +63,25 @@ class CandidateFinder:
         self._flattener = flattener
         self._matchers = [(Matcher(grid), RotatedMatcher(grid)) for grid in sheet.grids]
         self._colours = ColourMatcher(net, sheet, state, parameters)
-        self._take(0)
         if parameters.literal:
             for _, rotated in self._matchers:
                 rotated.precompute()
+        self._cut = sheet
+        if parameters.beside:
+            seen = [appearance(grid.match, parameters.beside) for grid in sheet.grids]
+            self._cut = sheet.compared_by(seen)
+        self._reuses: list[Reuse | None] = [None] * len(sheet.grids)
+        if parameters.reuse > 0.0:
+            sizes = [grid.cut.shape[:2] for grid in sheet.grids]
+            self._reuses = [Reuse(high, wide, parameters.reuse) for high, wide in sizes]
+        self._take(0)
         self._random = np.random.default_rng(parameters.seed)
 
     def _take(self, mine: int) -> None:
         """Place sample `mine` from now on."""
         self.mine, self.grid = mine, self.sheet.grids[mine]
         self._matcher, self._rotated = self._matchers[mine]
+        self._reuse = self._reuses[mine]
 
     def best(self, patch: FlatPatch, running: float) -> Candidate:
         """Match and cut; the cheapest of the placements tried.
@@ -86,19 +97,20 @@ class CandidateFinder:
         bare = self.state.bare_for(patch.order[: patch.inner])
         mean = median_direction(direction[bare], direction[0])
         plane = (patch.plane[:, 0] + 1j * patch.plane[:, 1]) * mean.conjugate()
+        points = plane / self.grid.unit
+        radius = _radius(points)
         heading = float(np.angle(mean))
         best: Candidate | None = None
         placements = self._placements(patch, plane, heading)
         if self.state.layout is not None and not self.parameters.literal:
             placements += self._beside_others(patch, plane)
         for placement in placements:
-            spun = plane * np.exp(1j * placement.turn) / self.grid.unit
-            place = np.empty((len(plane), 2), np.float32)
-            place[:, 0] = placement.column + spun.real
-            place[:, 1] = placement.row - spun.imag
+            warp = np.array([placement.column, placement.row, placement.turn, *placement.warp])
+            at, rotation = warped(points, warp, radius)
+            place = at.astype(np.float32)
             cut = fit(
                 net.indptr, net.indices, patch.order, patch.inner, local, place,
-                self.state.patch, self.state.source, self.state.ghost, self.sheet,
+                self.state.patch, self.state.source, self.state.ghost, self._cut,
                 # the paper cuts the whole overlap
                 patch.radius * 2 if self.parameters.literal else self.parameters.band,
                 owner=self.state.sample, mine=self.mine,
@@ -107,9 +119,11 @@ class CandidateFinder:
             self.cuts += 1
             score = cut.flow + running * cut.missed
             if best is None or score < best.score:
-                angle = -np.angle(direction * (mean.conjugate() * np.exp(1j * placement.turn)))
+                angle = -np.angle(direction * mean.conjugate() * rotation[: patch.inner])
                 best = Candidate(patch, cut, place, angle, score, 0.0)
         assert best is not None
+        if self._reuse is not None:
+            self._reuse.taken(*best.place[0].tolist())
         if self.parameters.max_seam is not None:
             edges = seam_edges_around(
                 net.indptr, net.indices, patch.order, patch.inner, local, best.cut.fresh,
@@ -140,31 +154,42 @@ class CandidateFinder:
                     for at in self._matcher.match(
                         image, mask, most=knobs.placements, overlap=knobs.overlap,
                         margin=knobs.margin,
+                        penalty=None if self._reuse is None else self._reuse.penalty(),
                     ):  # fmt: skip
                         found.append(Placement(at.column, at.row, at.cost, float(angle)))
         if not found:
             height, width = self.grid.cut.shape[:2]
             x, y = 0.35 + 0.3 * self._random.random(2)
-            return [Placement(float(x * (width - 1)), float(y * (height - 1)), 0.0)]
+            # whole texels: what is copied verbatim stays as sharp as the sample
+            return [Placement(float(round(x * (width - 1))), float(round(y * (height - 1))), 0.0)]
         found.sort(key=lambda placement: placement.cost)
         found = found[: knobs.placements]
+        if self._reuse is not None:
+            self._reuse.matched(found[0].cost, found[-1].cost)
         if knobs.literal or knobs.sway == 0.0:
             return found
-        point = np.stack([plane.real, -plane.imag], axis=1)[known] / self.grid.unit
-        return [self._registered(point, values[known], placement) for placement in found]
+        points = plane / self.grid.unit
+        radius = _radius(points)
+        points, values = points[known], values[known]
+        return [self._registered(points, radius, values, placement) for placement in found]
 
     def _beside_others(self, patch: FlatPatch, plane: C16) -> list[Placement]:
         point = np.stack([plane.real, -plane.imag], axis=1) / self.grid.unit
         half = self._half(point[: patch.inner])
         return self._colours.match(patch, self._flattener.local, point, half)
 
-    def _registered(self, point: F8, values: F4, at: Placement) -> Placement:
-        """Shift and turn a placement by less than a texel or two, to where it fits best."""
-        column, row, turn, cost = register(
-            self.grid.match, point, values, (at.column, at.row, at.turn),
-            REACH, np.radians(self.parameters.sway), ROUNDS,
+    def _registered(self, points: C16, radius: float, values: F4, at: Placement) -> Placement:
+        """Shift, turn and slightly warp a placement to where it fits best."""
+        start = np.array([at.column, at.row, at.turn, *at.warp])
+        knobs = self.parameters
+        warp, cost = fit_warp(
+            self.grid.match, points, values, start, radius, REACH, np.radians(knobs.sway),
+            knobs.give, ROUNDS,
         )  # fmt: skip
-        return Placement(column, row, cost, turn) if np.isfinite(cost) else at
+        if not np.isfinite(cost):
+            return at
+        column, row, turn, *rest = warp.tolist()
+        return Placement(column, row, float(cost), turn, tuple(rest))
 
     def _known(self, patch: FlatPatch) -> tuple[NDArray[np.bool_], F4]:
         """Which vertices (n,) of a patch are matched, and values (n, k) of all in that space."""
@@ -193,3 +218,8 @@ class CandidateFinder:
         reach = float(np.abs(point).max()) if len(point) else 0.0
         most = max(self.grid.cut.shape[:2])
         return int(min(-(-(reach + 1) // 4) * 4, -(-most // 4) * 4))
+
+
+def _radius(points: C16) -> float:
+    """Unit of a patch's bend: the largest distance from its centre, at least one texel."""
+    return max(float(np.abs(points).max()), 1.0)

@@ -22,12 +22,16 @@ RELAXED = ((0.4, 16.0), (0.2, 4.0), (0.02, 2.0), (0.0, 0.0))
 
 @dataclass(frozen=True)
 class Placement:
-    """Where the patch's centre lands: (column, row) in grid texels, and the mean SSD there."""
+    """Where the patch's centre lands: (column, row) in grid texels, and the mean SSD there.
+
+    turn: radians that the patch is turned by first; warp: the rest of `register.warped`.
+    """
 
     column: float
     row: float
     cost: float
     turn: float = 0.0
+    warp: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Matcher:
@@ -81,9 +85,18 @@ class Matcher:
         return np.maximum(ssd, 0.0) / np.maximum(count, 1e-3), count
 
     def match(
-        self, image: F4, mask: F4, *, most: int, overlap: float, margin: float
+        self,
+        image: F4,
+        mask: F4,
+        *,
+        most: int,
+        overlap: float,
+        margin: float,
+        penalty: F8 | None = None,
     ) -> list[Placement]:
         """The `most` best local minima of the mean SSD, cheapest first.
+
+        `penalty` (h, w) f8 is added to the mean SSD at every texel of the sample.
 
         A placement must cover the share `overlap` of the mask and keep the centre `margin`
         texels inside the sample; where none can, both are relaxed step by step.
@@ -97,6 +110,8 @@ class Matcher:
             costs, count = self.costs(image, mask)
             total = float(mask.sum())
         height, width = costs.shape
+        if penalty is not None:
+            costs = costs + penalty[::factor, ::factor][:height, :width]
         # a bound that any texel of a small sample can meet
         room = 0.4 * (min(height, width) - 1)
         for share, inside in ((overlap, margin), *RELAXED):

@@ -16,7 +16,7 @@ from btfcore.patch.resample import look_up, work_image
 from btfcore.progress import Progress, between, silent
 from btfcore.quilt.extend import extensions
 from btfcore.quilt.matching import Matcher, Placement
-from btfcore.quilt.patches import median_direction
+from btfcore.quilt.patches import ON_COURSE, median_direction
 from btfcore.quilt.recut import recut
 from btfcore.quilt.register import register
 from btfcore.quilt.synthesize import Synthesizer
@@ -30,6 +30,7 @@ REACH, ROUNDS = 1.5, 6  # registration: texels that it may shift by, its steps
 # What an angle to the field costs, per vertex and multiple of near_field, over the cost of
 # random pairs: without it seams get cheaper at the field's expense.
 ASTRAY, FARTHEST = 0.01, 6.0
+OFF_COURSE = 4.0  # times as much while less than ON_COURSE of the quilt is within near_field
 WORTH = 0.01  # share of a patch's seam cost below which a try counts as in vain
 
 
@@ -117,6 +118,9 @@ class _Refiner:
         self.worst = WorstSeams(self.net, self.state, self.grid.cut, progress=progress)
         self._flattener = engine._flattener
         self._matcher = Matcher(self.grid)
+        covered = self.state.patch >= 0
+        self._placed = int(covered.sum())
+        self._near = int((self._astray(self.state.angle[covered]) < 1).sum())
 
     def energy(self) -> float:
         """Seam cost per vertex over the random one, as `measure_seams` has it."""
@@ -210,6 +214,8 @@ class _Refiner:
         place[:, 0], place[:, 1] = at.column + spun.real, at.row - spun.imag
         angle = -np.angle(lay.turn * spin)
         unit = ASTRAY * self.grid.random_difference
+        if self._near < ON_COURSE * self._placed:
+            unit *= OFF_COURSE
         bias = self._astray(angle) - self._astray(state.angle[patch.order[: patch.inner]])
         cut = recut(
             net.indptr, net.indices, patch.order, patch.inner, self._flattener.local, place,
@@ -238,6 +244,9 @@ class _Refiner:
         if not gain > 0:
             state.source[mine], state.angle[mine], state.patch[mine], state.ghost[slots] = kept[:4]
             state.patches = kept[4]
+        else:
+            self._near += int((self._astray(state.angle[mine]) < 1).sum())
+            self._near -= int((self._astray(kept[1]) < 1).sum())
         return gain
 
 

@@ -29,6 +29,17 @@ class Sheet(Frozen):
     frames: I4
     grids: tuple[SampleGrid, ...] = ()
 
+    def compared_by(self, channels: Sequence[F4]) -> Sheet:
+        """Return this sheet with other channels, (h, w, k) f4 of each sample, in `cut`."""
+        most = max(each.shape[2] for each in channels)
+        cut = np.zeros((*self.cut.shape[:2], most), np.float32)
+        frames = self.frames.copy()
+        for index, each in enumerate(channels):
+            top, height, width = frames[index, :3]
+            cut[top : top + height, :width, : each.shape[2]] = each
+            frames[index, 3] = each.shape[2]
+        return Sheet(cut, self.colour, frames, self.grids)
+
     def colours(self, index: int) -> F4:
         """Colours (h, w, 3) f4 of one of several samples."""
         top, height, width = self.frames[index, :3]

@@ -169,6 +169,8 @@ def test_costs_and_scores_kept_up_to_date_are_those_counted_anew():
     gained = sum(run.improve(*run.worst.pick(), silent) for _ in range(8))
     anew = WorstSeams(engine.net, engine.state, engine.grid.cut)
     assert gained
+    near = np.abs(engine.state.angle) < np.radians(engine.parameters.near_field)
+    assert run._near == near.sum()
     assert np.array_equal(run.worst.cost, anew.cost)
     assert run.worst.score == pytest.approx(anew.score)
     assert anew.score[anew.pick()[0]] == anew.score.max()

@@ -50,10 +50,9 @@ def run(ball, samples, region, numbers, borders, **knobs):
     return engine, engine.run(), layout
 
 
-@pytest.mark.parametrize("literal", [False, True])
-def test_one_sample_is_the_same_with_and_without_regions(ball, literal):
+@pytest.mark.parametrize("knobs", [{}, {"literal": True}, {"beside": 1, "reuse": 1.0}])
+def test_one_sample_is_the_same_with_and_without_regions(ball, knobs):
     dense, field, _ = ball
-    knobs = {"literal": literal}
     plain = Synthesizer(dense, field, blobs(), QuiltParameters(**knobs)).run()
     _, one, _ = run(ball, [blobs()], halves(dense), [0, 0], Borders.all(True), **knobs)
     assert same(plain, one)
