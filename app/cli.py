@@ -68,6 +68,24 @@ def decorate(
         str,
         typer.Option(help="What a BTF's lights count: uniform, solid-angle, frontal, or a file."),
     ] = "uniform",
+    samples: Annotated[
+        list[str] | None,
+        typer.Option("--sample", help="REGION=FILE: another sample for a region; repeatable."),
+    ] = None,
+    regions: Annotated[
+        str, typer.Option(help="Regions: auto, materials, parts, components, or a labels file.")
+    ] = "auto",
+    border: Annotated[
+        list[str] | None,
+        typer.Option(help="soft or hard, for all borders; or REGION|REGION=soft; repeatable."),
+    ] = None,
+    border_width: Annotated[
+        int, typer.Option(help="Steps that a sample may reach across a soft border.")
+    ] = 12,
+    region_scale: Annotated[
+        list[str] | None,
+        typer.Option(help="REGION=2: the pattern twice as large there; repeatable."),
+    ] = None,
     literal: Annotated[bool, typer.Option(help="The paper's way in every step.")] = False,
     refine: Annotated[
         float | None,
@@ -91,6 +109,7 @@ def decorate(
     from btfcore.pipeline import decorate as run
     from btfcore.pipeline import export_decorated
     from btfcore.quilt.parameters import QuiltParameters
+    from btfcore.regions import RegionSamples
 
     check_output(output)
     for extra, suffix in ((preview, ".png"), (save_quilt, ".npz"), (report, ".json")):
@@ -102,14 +121,17 @@ def decorate(
         work_patch=work_patch,
         max_distortion=max_distortion,
         max_seam=max_seam,
+        border=border_width,
         literal=literal,
     )
+    asked = RegionSamples(regions, samples or (), region_scale or (), border or ())
     with reporter(quiet=quiet) as progress:
         with stoppable(progress) as heeding:
             done = run(
                 mesh, sample, rate=rate, parameters=parameters, guide=guide, start=resume,
                 view_weights=view_weights, light_weights=light_weights,
-                partial=save_quilt is not None, refine_s=refine, progress=heeding,
+                partial=save_quilt is not None, refine_s=refine, regions=asked,
+                progress=heeding,
             )  # fmt: skip
             if save_quilt is not None:  # before anything else, so that nothing can lose it
                 from btfcore.files.quilt_npz import write_quilt_npz
@@ -154,6 +176,21 @@ def decorate(
         say(f"{output}: {counts.patches} patches on {len(done.quilt.patch):,} vertices")
     if verbose:
         say(json.dumps(figures, indent=1))
+
+
+@app.command("regions")
+def list_regions(
+    mesh: Annotated[Path, typer.Argument(help="OBJ, PLY, STL, OFF, GLB or glTF file.")],
+    by: Annotated[
+        str, typer.Option(help="auto, materials, parts, components, or a labels file.")
+    ] = "auto",
+) -> None:
+    """List the regions of MESH, to which `decorate --sample` can give samples."""
+    from btfcore.pipeline import load_mesh
+    from btfcore.regions import region_table
+
+    for row in region_table(load_mesh(mesh, regions=by)[0]):
+        typer.echo(f"{row['name']}\t{row['faces']:,} faces\t{row['area']:.1%} of the surface")
 
 
 @app.command()

@@ -106,7 +106,7 @@ class Operations(QObject):
                 progress=between(progress, begin, 0.98), on_update=show,
             )  # fmt: skip
             progress(0.99, "measuring the seams")
-            seams = measure_seams(engine.net, engine.state, engine.grid)
+            seams = measure_seams(engine.net, engine.state, engine.sheet)
             patches, seconds = engine.statistics.patches, time.monotonic() - start
             report("frame", self._pictures(here, sample, quilt))
             return Decoration(here, sample, quilt, patches, seams, seconds)

@@ -211,7 +211,7 @@ def render_preview(
     surface: ExportSurface,
     texture: U1,
     *,
-    sample: Sample | None = None,
+    sample: Sample | Sequence[Sample] | None = None,
     seams: U1 | None = None,
     views: Sequence[Turntable] = (FRONT, BACK),
     size: tuple[int, int] = (1200, 900),
@@ -219,10 +219,10 @@ def render_preview(
     """Picture of a decorated surface from several sides: (H, W, 3) u8, the same every time.
 
     The `views` stand side by side, or below each other where that shows a flat surface larger,
-    the first once more with the `seams` texture where one is given; the `sample` lies in the
-    lower left corner. Saved as a PNG at `path` unless that is None;
-    raises `OutputFailed` where it cannot be written, leaving nothing half-written. Needs no
-    display.
+    the first once more with the `seams` texture where one is given; the `sample`, or
+    several while there is room, lies in the lower left corner. Saved as a PNG at `path` unless
+    that is None; raises `OutputFailed` where it cannot be written, leaving nothing
+    half-written. Needs no display.
     """
     width, height = size
     strip = round(height * 0.22) if sample is not None else 0
@@ -239,8 +239,12 @@ def render_preview(
         under = picture[top : top + panel[1], left : left + panel[0]]
         under *= 1 - drawn[..., 3:] / 255.0
         under += drawn[..., :3]
-    if sample is not None:
-        _inset(picture, sample, side=round(strip * 0.8), margin=round(strip * 0.12))
+    side, left = round(strip * 0.8), round(strip * 0.12)
+    for each in () if sample is None else [sample] if isinstance(sample, Sample) else sample:
+        if left + side + 3 > width:
+            break
+        _inset(picture, each, side=side, left=left, margin=round(strip * 0.12))
+        left += side + round(strip * 0.12)
     done = np.clip(picture + 0.5, 0, 255).astype(np.uint8)
     if path is not None:
         write_bytes(path, encode_png(done))
@@ -253,13 +257,13 @@ def _apparent_size(surface: ExportSurface, camera: Turntable, size: tuple[int, i
     return size[1] / framed.distance
 
 
-def _inset(picture: F8, sample: Sample, *, side: int, margin: int) -> None:
-    """Lay the sample in a white frame into the lower left corner, its longer side `side`."""
+def _inset(picture: F8, sample: Sample, *, side: int, left: int, margin: int) -> None:
+    """Lay the sample in a white frame along the lower edge, its longer side `side`."""
     rows, columns = sample.colour.shape[:2]
     high, wide = (max(1, round(side * n / max(rows, columns))) for n in (rows, columns))
     small = Image.fromarray((np.clip(sample.colour, 0, 1) * 255 + 0.5).astype(np.uint8))
     small = small.resize((wide, high), Image.Resampling.LANCZOS)
-    bottom, left = picture.shape[0] - margin, margin
+    bottom = picture.shape[0] - margin
     picture[bottom - high - 3 : bottom + 3, left - 3 : left + wide + 3] = 255
     picture[bottom - high : bottom, left : left + wide] = np.asarray(small)
 

@@ -21,6 +21,10 @@ class InvalidGuide(PatinaError):
     """A guide (user vectors for the orientation field) that cannot be used."""
 
 
+class InvalidRegions(PatinaError):
+    """Labels of regions, or samples for regions, that do not fit the mesh."""
+
+
 class InvalidParameter(PatinaError):
     """A knob outside its range."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +15,7 @@ from btfcore.errors import Cancelled, InvalidParameter, InvalidQuilt
 from btfcore.phases import PhaseClock
 from btfcore.progress import Progress, between, silent
 from btfcore.quilt.parameters import QuiltParameters
+from btfcore.regions import Plan, RegionSamples, plan_samples
 from btfcore.types import Atlas, DenseMesh, Field, ImportReport, Mesh, Quilt, Sample
 
 if TYPE_CHECKING:
@@ -42,7 +43,8 @@ class Decorated:
     """Everything that one run made.
 
     `sample_notes` say what reading the sample changed; `engine` knows the seams' statistics;
-    `complete` is False where the run was cancelled and the quilt is partly bare.
+    `complete` is False where the run was cancelled and the quilt is partly bare. `samples` are
+    those that the quilt names, and `plan` says which region has which, where there are several.
     """
 
     prepared: Prepared
@@ -54,13 +56,17 @@ class Decorated:
     clock: PhaseClock
     complete: bool = True
     refinement: RefineStatistics | None = None
+    samples: tuple[Sample, ...] = ()
+    plan: Plan | None = None
 
 
-def load_mesh(path: str | Path, *, progress: Progress = silent) -> tuple[Mesh, ImportReport]:
-    """Read and repair a mesh file; raises `InvalidMesh` or `GuardedFailure`."""
+def load_mesh(
+    path: str | Path, *, regions: str = "auto", progress: Progress = silent
+) -> tuple[Mesh, ImportReport]:
+    """Read and repair a mesh file; raises `InvalidMesh`, `InvalidRegions`, `GuardedFailure`."""
     from btfcore.mesh.reader import read_mesh
 
-    return read_mesh(Path(path), progress=progress)
+    return read_mesh(Path(path), regions=regions, progress=progress)
 
 
 def load_sample(path: str | Path, *, progress: Progress = silent) -> Sample:
@@ -102,6 +108,7 @@ def load_both(
     mesh: str | Path,
     sample: str | Path,
     *,
+    regions: str = "auto",
     view_weights: Weights = None,
     light_weights: Weights = None,
     progress: Progress = silent,
@@ -122,7 +129,7 @@ def load_both(
             progress=heeding,
         )  # fmt: skip
         try:
-            loaded, report = load_mesh(mesh, progress=progress)
+            loaded, report = load_mesh(mesh, regions=regions, progress=progress)
             while not picture.done():
                 progress(1.0, "reading the sample")
                 wait([picture], timeout=0.05)
@@ -159,18 +166,30 @@ def prepare(
 
 def synthesizer(
     prepared: Prepared,
-    sample: Sample,
+    sample: Sample | Sequence[Sample],
     parameters: QuiltParameters,
     *,
+    plan: Plan | None = None,
     start: Quilt | None = None,
     progress: Progress = silent,
 ) -> Synthesizer:
-    """Return the quilting engine for a prepared mesh, perhaps to continue `start`; call `run`."""
+    """Return the quilting engine for a prepared mesh, perhaps to continue `start`; call `run`.
+
+    Several samples come with the `plan` that says where each goes.
+    """
     from btfcore.quilt.synthesize import Synthesizer
 
+    layout = scales = None
+    if plan is not None:
+        layout = plan.layout(
+            prepared.mesh, prepared.dense, prepared.field, parameters.border,
+            progress=between(progress, 0.0, 0.6),
+        )  # fmt: skip
+        scales = plan.scales
     return Synthesizer(
-        prepared.dense, prepared.field, sample, parameters, start=start, progress=progress
-    )
+        prepared.dense, prepared.field, sample, parameters,
+        layout=layout, scales=scales, start=start, progress=progress,
+    )  # fmt: skip
 
 
 def synthesize(
@@ -201,6 +220,7 @@ def decorate(
     partial: bool = False,
     refine_s: float | None = None,
     refine_tries: int | None = None,
+    regions: RegionSamples | None = None,
     progress: Progress = silent,
 ) -> Decorated:
     """From two files to a finished quilt; every phase is measured.
@@ -209,7 +229,7 @@ def decorate(
     with; raises `InvalidQuilt` where it belongs to others. partial : where `progress` raises
     `Cancelled` after the first patch, return the partly bare quilt instead. refine_s,
     refine_tries : budget of a refinement, none by default (see `btfcore.quilt.refine.refine`, whose
-    error it raises).
+    error it raises). regions : other samples for some regions, and how regions meet.
     """
     refining = refine_s is not None or refine_tries is not None
     if refining:
@@ -217,7 +237,8 @@ def decorate(
 
         check_budget(refine_s, refine_tries)
     clock = PhaseClock()
-    vectors = stored = None
+    vectors = stored = plan = None
+    asked = regions if regions is not None else RegionSamples()
     with clock.phase("import"):
         if guide is not None:
             from btfcore.field import read_guide
@@ -228,16 +249,32 @@ def decorate(
 
             stored = read_quilt_npz(start)
         loaded, imported, picture, notes = load_both(
-            mesh, sample, view_weights=view_weights, light_weights=light_weights,
-            progress=between(progress, 0.0, 0.12),
+            mesh, sample, regions=asked.way, view_weights=view_weights,
+            light_weights=light_weights, progress=between(progress, 0.0, 0.12),
         )  # fmt: skip
+        samples: tuple[Sample, ...] = (picture,)
+        if not asked.plain:
+            plan = plan_samples(loaded, sample, asked)
+            if refining and len(plan.files) > 1:
+                raise InvalidParameter(
+                    f"refinement works on one sample, {len(plan.files)} are asked for"
+                )
+            known, more = {Path(sample): picture}, list(plan.notes)
+            for file in plan.files:
+                if file not in known:
+                    known[file], said = load_sample_notes(
+                        file, view_weights=view_weights, light_weights=light_weights,
+                        progress=between(progress, 0.12, 0.12),
+                    )  # fmt: skip
+                    more += [f"{file.name}: {note}" for note in said]
+            samples, notes = tuple(known[file] for file in plan.files), (*notes, *more)
     prepared = prepare(
         loaded, rate=rate, guide=vectors, progress=between(progress, 0.12, 0.45), clock=clock
     )
     complete, refinement = True, None
     with clock.phase("quilt"):
         engine = synthesizer(
-            prepared, picture, parameters or QuiltParameters(),
+            prepared, samples, parameters or QuiltParameters(), plan=plan,
             start=None if stored is None else continued(stored, prepared),
             progress=between(progress, 0.45, 0.48),
         )  # fmt: skip
@@ -246,7 +283,7 @@ def decorate(
         except Cancelled:
             if not partial or engine.state.patches == 0:
                 raise
-            quilt, complete = engine.state.quilt(engine.grid), False
+            quilt, complete = engine.state.quilt(engine.sheet), False
     if refining and complete:
         with clock.phase("refine"):
             try:
@@ -258,8 +295,11 @@ def decorate(
                 if not partial:
                     raise
                 complete = False
-            quilt = engine.state.quilt(engine.grid)
-    return Decorated(prepared, imported, picture, notes, quilt, engine, clock, complete, refinement)
+            quilt = engine.state.quilt(engine.sheet)
+    return Decorated(
+        prepared, imported, samples[0], notes, quilt, engine, clock, complete, refinement,
+        samples, plan,
+    )  # fmt: skip
 
 
 def continued(stored: StoredQuilt, prepared: Prepared) -> Quilt:
@@ -295,7 +335,7 @@ def export_decorated(
     """Write the decorated mesh as .glb, .obj or .ply; the phase is measured as "export"."""
     with done.clock.phase("export"):
         return export(
-            path, done.prepared, done.quilt, done.sample,
+            path, done.prepared, done.quilt, done.samples or done.sample,
             dense_shape=dense_shape, progress=progress,
         )  # fmt: skip
 
@@ -304,7 +344,7 @@ def export(
     path: str | Path,
     prepared: Prepared,
     quilt: Quilt,
-    sample: Sample,
+    sample: Sample | Sequence[Sample],
     *,
     dense_shape: bool = False,
     progress: Progress = silent,
@@ -314,7 +354,8 @@ def export(
     from btfcore.render.texture import vertex_colours
 
     progress(0.0, "colours")
-    colours = vertex_colours(quilt, [sample], progress=lambda fraction, label: progress(0.0, label))
+    samples = [sample] if isinstance(sample, Sample) else sample
+    colours = vertex_colours(quilt, samples, progress=lambda fraction, label: progress(0.0, label))
     return write(
         Path(path), prepared.mesh, prepared.atlas, prepared.dense, colours,
         dense_shape=dense_shape, progress=progress,

@@ -27,7 +27,7 @@ def run_report(done: Decorated) -> dict[str, Any]:
     from btfcore.quilt.measure import measure_seams
 
     engine, prepared = done.engine, done.prepared
-    seams = measure_seams(engine.net, engine.state, engine.grid)
+    seams = measure_seams(engine.net, engine.state, engine.sheet)
     counts = engine.statistics
     angle = np.abs(np.degrees(done.quilt.angle.astype(np.float64)))
     return {
@@ -70,9 +70,52 @@ def run_report(done: Decorated) -> dict[str, Any]:
             },
         },
         "seams": asdict(seams),
+        **(region_report(done) if done.plan is not None else {}),
         "refinement": None if done.refinement is None else asdict(done.refinement),
         "phases": done.clock.figures,
     }
+
+
+def region_report(done: Decorated) -> dict[str, Any]:
+    """Regions with their samples, and the seams of each sample and of the soft borders.
+
+    Hard borders are no seams and are counted nowhere; `vertices` of a region are those of the
+    dense mesh on it, of a sample those that show it.
+    """
+    from btfcore.quilt.measure import measure_by_sample
+    from btfcore.regions import region_table, vertex_regions
+
+    plan, engine, quilt = done.plan, done.engine, done.quilt
+    assert plan is not None
+    parts, borders = measure_by_sample(engine.net, engine.state, engine.sheet)
+    region = vertex_regions(done.prepared.mesh, done.prepared.dense)
+    count = np.bincount(region, minlength=len(plan.names))
+    own = np.asarray(plan.sample)[region] == quilt.sample
+    regions = [
+        row | {
+            "vertices": int(count[each]),
+            "sample": plan.files[plan.sample[each]].name,
+            "kept": float(own[region == each].mean()) if count[each] else None,
+        }
+        for each, row in enumerate(region_table(done.prepared.mesh))
+    ]  # fmt: skip
+    shown = np.bincount(quilt.sample[quilt.patch >= 0], minlength=len(parts))
+    samples = [
+        {
+            "name": sample.name,
+            "file": file.name,
+            "scale": scale,
+            "height": sample.colour.shape[0],
+            "width": sample.colour.shape[1],
+            "work_patch": radius,
+            "vertices": int(vertices),
+            "seams": asdict(part),
+        }
+        for sample, file, scale, radius, vertices, part in zip(
+            done.samples, plan.files, plan.scales, engine.radii, shown, parts, strict=True
+        )
+    ]
+    return {"regions": regions, "samples": samples, "soft_borders": asdict(borders)}
 
 
 def dense_report(prepared: Prepared) -> dict[str, Any]:

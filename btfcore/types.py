@@ -33,10 +33,15 @@ class Frozen:
 
 @dataclass(frozen=True, eq=False)
 class Mesh(Frozen):
-    """Triangle mesh: vertices (V, 3) f8 in world units, faces (F, 3) i4, coherent winding."""
+    """Triangle mesh: vertices (V, 3) f8 in world units, faces (F, 3) i4, coherent winding.
+
+    region (F,) i4 indexes region_names; None where the mesh is one region.
+    """
 
     vertices: F8
     faces: I4
+    region: I4 | None = None
+    region_names: tuple[str, ...] = ()
 
     @property
     def diagonal(self) -> float:

@@ -46,6 +46,7 @@ FLOORS = {
     "btfcore.render": 3,
     "btfcore.files": 4,
     "btfcore.samples": 4,
+    "btfcore.regions": 4,
     "btfcore.pipeline": 4,
     "btfcore.report": 4,
     "app": 5,  # the package's own docstring
@@ -81,6 +82,8 @@ BESIDE = {
     ("btfcore.upright", "btfcore.clusters"),
     ("btfcore.pipeline", "btfcore.files"),
     ("btfcore.pipeline", "btfcore.samples"),
+    ("btfcore.pipeline", "btfcore.regions"),
+    ("btfcore.report", "btfcore.regions"),
     ("btfcore.samples", "btfcore.files"),
     ("btfcore.report", "btfcore.pipeline"),
     ("app.document", "app.tasks"),

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from btfcore.errors import InvalidMesh
-from btfcore.types import F8, Mesh
+from btfcore.types import F8, I8, Mesh
 
 
 def distance_to_mesh(points: ArrayLike, mesh: Mesh, *, sample: int | None = None) -> F8:
@@ -38,3 +38,20 @@ def distance_to_mesh(points: ArrayLike, mesh: Mesh, *, sample: int | None = None
     )
     distance: F8 = np.sqrt(np.maximum(np.atleast_1d(squared), 0)) * unit
     return distance
+
+
+def nearest_face(points: F8, corners: F8) -> I8:
+    """Find the triangle of `corners` (F, 3, 3) nearest to each of `points` (P, 3): (P,)."""
+    import igl
+
+    if len(points) == 0:
+        return np.zeros(0, np.int64)
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    unit = float(np.linalg.norm(high - low)) or 1.0
+    _, nearest, _ = igl.point_mesh_squared_distance(
+        (points - low) / unit,
+        np.ascontiguousarray((corners.reshape(-1, 3) - low) / unit),
+        np.arange(3 * len(corners), dtype=np.int64).reshape(-1, 3),
+    )
+    found: I8 = np.atleast_1d(nearest).astype(np.int64)
+    return found

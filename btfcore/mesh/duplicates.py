@@ -10,17 +10,23 @@ from btfcore.types import I4
 
 
 def drop_repeated(faces: I4) -> tuple[I4, int, int]:
+    """Faces without those that `unrepeated` leaves out, and the counts that it gives."""
+    kept, copies, folded = unrepeated(faces)
+    return faces[kept], copies, folded
+
+
+def unrepeated(faces: I4) -> tuple[NDArray[np.int64], int, int]:
     """Keep one face, or none, of each group on the same three vertices.
 
     Of a group the first face of the prevailing winding stays. Where the two windings balance,
     the group is one layer of a double-sided sheet, of which the first face stays; or, in a
     component that is closed (every edge has an even number of faces) and has other faces too,
     a fold without thickness, which goes whole so that the rest stays closed.
-    Returns (faces in their order, number of copies dropped, number of folded faces dropped).
+    Returns (faces to keep, ascending, number of copies dropped, number of folded faces dropped).
     """
     group, count = _groups(faces)
     if count == len(faces):
-        return faces, 0, 0
+        return np.arange(len(faces)), 0, 0
     net = np.bincount(group, _signs(faces), count)
     label = components(faces)
     number = int(label.max()) + 1
@@ -36,7 +42,7 @@ def drop_repeated(faces: I4) -> tuple[I4, int, int]:
     np.minimum.at(first, group[places], places)
     kept = np.sort(first[first < len(faces)])
     copies = len(faces) - len(kept) - int(folded.sum())
-    return faces[kept], copies, int(folded.sum())
+    return kept, copies, int(folded.sum())
 
 
 def _groups(faces: I4) -> tuple[NDArray[np.int64], int]:

@@ -23,7 +23,7 @@ def check_gltf(data: bytes, path: Path) -> None:
     buffers outside the file's own folder (addresses, absolute paths, ``..``, links that lead
     out), compressed or sparse geometry, and where no primitive consists of triangles.
     """
-    header = _header(data, path.suffix.lower() == ".glb")
+    header = gltf_header(data, path)
     for item in _list(header, "buffers"):  # images are never opened
         if "uri" in item:
             _check_uri(item["uri"], path)
@@ -37,8 +37,9 @@ def check_gltf(data: bytes, path: Path) -> None:
     _check_primitives(header)
 
 
-def _header(data: bytes, binary: bool) -> dict[str, Any]:
-    if binary:
+def gltf_header(data: bytes, path: Path) -> dict[str, Any]:
+    """JSON of a glTF or GLB file; raises `InvalidMesh` where there is none."""
+    if path.suffix.lower() == ".glb":
         if len(data) < 20:
             raise InvalidMesh(f"the GLB file has {len(data)} bytes, its head alone needs 20")
         _, version, length, chunk, kind = struct.unpack("<5I", data[:20])

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from btfcore.errors import GuardedFailure, InvalidMesh
-from btfcore.guard import run_guarded
+from btfcore.guard import Arrays, Options, run_guarded
+from btfcore.mesh.regions import WAYS, Regions, component_regions, read_labels, regions_of
 from btfcore.mesh.repair import repair
 from btfcore.mesh.topology import statistics
 from btfcore.progress import Progress, between, silent
@@ -22,6 +23,7 @@ def read_mesh(
     *,
     limit_s: float = 120,
     limit_mb: int = 8192,
+    regions: str | Path = "auto",
     progress: Progress = silent,
 ) -> tuple[Mesh, ImportReport]:
     """Read an OBJ, PLY, STL, OFF, GLB or glTF file and repair what it holds.
@@ -31,17 +33,23 @@ def read_mesh(
     files in its own folder. Polygons are cut into triangle fans. See `btfcore.mesh.repair`
     for what is mended; the report's notes say what was.
 
+    regions : "materials", "parts" (objects, groups, nodes), "components", "auto" (materials
+    where there are several, else parts), or a file with a label for every face, see
+    `btfcore.mesh.regions.read_labels`. They end up in the mesh's `region`.
+
     Raises `InvalidMesh` where the file is missing, no mesh, larger than 1 GiB, holds more
-    than 4 million triangles or none that has an area; `GuardedFailure` where the parser
+    than 4 million triangles or none that has an area; `InvalidRegions` where labels do not
+    fit; `GuardedFailure` where the parser
     crashed or outgrew its limits. Messages begin with the file's name.
     """
     file = Path(path)
+    labelled = str(regions) not in WAYS
     try:
         _check_file(file)
         arrays, options = run_guarded(
             "btfcore.mesh.trimesh_door:read",
             {},
-            {"path": str(file.resolve())},
+            {"path": str(file.resolve()), "by_face": labelled},
             limit_s=limit_s,
             limit_mb=limit_mb,
             progress=between(progress, 0.0, 0.6),
@@ -53,9 +61,14 @@ def read_mesh(
                 " can be handled: simplify the mesh first"
             )
         progress(0.6, f"repairing {file.name}")
+        found = _regions(arrays, options, Path(regions) if labelled else str(regions))
         mesh, notes = repair(
-            arrays["vertices"], arrays["faces"], progress=between(progress, 0.6, 1.0)
-        )
+            arrays["vertices"], arrays["faces"], regions=found,
+            progress=between(progress, 0.6, 1.0),
+        )  # fmt: skip
+        if str(regions) == "components":
+            named = component_regions(mesh.faces)
+            mesh = Mesh(mesh.vertices, mesh.faces, named.label, named.names)
     except InvalidMesh as error:
         raise InvalidMesh(f"{file.name}: {error}") from error
     except GuardedFailure as error:
@@ -63,6 +76,18 @@ def read_mesh(
     progress(1.0, f"read {file.name}")
     counts = statistics(mesh.vertices, mesh.faces)
     return mesh, ImportReport(str(file), counts, (*options["notes"], *notes))
+
+
+def _regions(arrays: Arrays, options: Options, regions: str | Path) -> Regions | None:
+    """Regions of the faces as they were read."""
+    if isinstance(regions, Path):
+        found = read_labels(regions, int(options["faces"]))
+        return Regions(found.label[arrays["face"]], found.names)
+    if regions == "components":
+        return None
+    return regions_of(
+        regions, arrays["material"], options["materials"], arrays["part"], options["parts"]
+    )
 
 
 def _check_file(file: Path) -> None:

@@ -6,14 +6,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from btfcore.errors import InvalidMesh
-from btfcore.mesh.duplicates import drop_repeated
+from btfcore.mesh.distance import nearest_face
+from btfcore.mesh.duplicates import unrepeated
 from btfcore.mesh.flips import flat_faces, flip_caps, unfold
+from btfcore.mesh.regions import Regions
 from btfcore.mesh.split import split_nonmanifold
 from btfcore.mesh.topology import edges, is_manifold
 from btfcore.mesh.weld import collapse_short_edges, weld
 from btfcore.mesh.winding import agree, outward
 from btfcore.progress import Progress, silent
-from btfcore.types import F8, I4, Mesh
+from btfcore.types import F8, I4, I8, Mesh
 
 # Single precision, in which files and graphics cards keep coordinates, must hold a volume.
 _SMALLEST, _LARGEST = 1e-12, 1e12
@@ -26,7 +28,11 @@ _ROUNDS = 4
 
 
 def repair(
-    vertices: ArrayLike, faces: ArrayLike, *, progress: Progress = silent
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    *,
+    regions: Regions | None = None,
+    progress: Progress = silent,
 ) -> tuple[Mesh, tuple[str, ...]]:
     """Mend what can be mended without changing the shape, and say what was done.
 
@@ -34,7 +40,8 @@ def repair(
     degenerate, duplicated, wound at random and crowded around edges. The result is manifold
     with coherent winding, every position merged where that keeps it manifold, closed
     components turned outward, borders kept, no face lower than 1e-12 of the extent and no
-    vertex without a face. Notes name each thing mended and its number.
+    vertex without a face. Notes name each thing mended and its number. `regions` of the
+    given faces go with them.
 
     Raises `InvalidMesh` where faces name vertices that do not exist, no face of positive area
     is left, the extent lies outside 1e-12 … 1e12, or the mesh lies so far from the origin
@@ -42,7 +49,7 @@ def repair(
     """
     points, triangles = _checked(vertices, faces)
     notes: list[str] = []
-    triangles = _without_nonfinite(points, triangles, notes)
+    triangles, origin = _without_nonfinite(points, triangles, notes)
     if len(triangles) == 0:
         raise InvalidMesh("no triangle is left: the mesh has no face with finite corners")
     tolerance = _FLAT * _extent(points[triangles.reshape(-1)])
@@ -50,18 +57,22 @@ def repair(
     progress(0.1, _LABEL)
     triangles, merged = collapse_short_edges(points, triangles, tolerance)
     _note(notes, merged, "merged vertices at the ends of edges without length")
-    points, triangles = _compact(points, _without_repeats(triangles, notes))
+    triangles, kept = _without_repeats(triangles, notes)
+    points, triangles = _compact(points, triangles)
     progress(0.2, _LABEL)
     triangles, reversed_count = agree(triangles)
     progress(0.4, _LABEL)
     _note(notes, reversed_count, "faces reversed to agree with their neighbours")
-    points, triangles = _manifold(points, triangles, tolerance, notes, progress)
+    points, triangles, left = _manifold(points, triangles, tolerance, notes, progress)
     progress(0.7, _LABEL)
     triangles, turned = outward(points, triangles)
     _note(notes, turned, "closed components turned outward")
     progress(0.8, _LABEL)
     _recheck(points, triangles, tolerance)
-    return Mesh(points, triangles), tuple(notes)
+    if regions is None:
+        return Mesh(points, triangles), tuple(notes)
+    label = regions.label[origin[kept[left]]]
+    return Mesh(points, triangles, label, regions.names), tuple(notes)
 
 
 def _checked(vertices: ArrayLike, faces: ArrayLike) -> tuple[F8, I4]:
@@ -80,11 +91,12 @@ def _checked(vertices: ArrayLike, faces: ArrayLike) -> tuple[F8, I4]:
     return points, np.ascontiguousarray(triangles, np.int32)
 
 
-def _without_nonfinite(points: F8, triangles: I4, notes: list[str]) -> I4:
+def _without_nonfinite(points: F8, triangles: I4, notes: list[str]) -> tuple[I4, I8]:
+    """Faces with finite corners, and which they were; so the functions below."""
     finite = np.asarray(np.isfinite(points).all(axis=1))
-    kept = triangles[finite[triangles].all(axis=1)]
+    kept = np.flatnonzero(finite[triangles].all(axis=1))
     _note(notes, len(triangles) - len(kept), "dropped faces with corners that are not finite")
-    return kept
+    return triangles[kept], kept
 
 
 def _extent(points: F8) -> float:
@@ -106,23 +118,26 @@ def _extent(points: F8) -> float:
     return extent
 
 
-def _without_repeats(triangles: I4, notes: list[str]) -> I4:
+def _without_repeats(triangles: I4, notes: list[str]) -> tuple[I4, I8]:
     """Drop faces that name a vertex twice, and duplicates."""
-    proper = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
-    kept = triangles[proper]
-    _note(notes, len(triangles) - len(kept), "dropped faces whose corners coincide")
-    if len(kept) == 0:
+    proper = np.flatnonzero((triangles != np.roll(triangles, 1, axis=1)).all(axis=1))
+    _note(notes, len(triangles) - len(proper), "dropped faces whose corners coincide")
+    if len(proper) == 0:
         raise InvalidMesh("no triangle is left: all faces have zero area")
-    kept, copies, folded = drop_repeated(kept)
+    kept, copies, folded = unrepeated(triangles[proper])
     _note(notes, copies, "dropped duplicate faces")
     _note(notes, folded, "dropped faces of folds without thickness")
-    return kept
+    return triangles[proper[kept]], proper[kept]
 
 
 def _manifold(
     points: F8, triangles: I4, tolerance: float, notes: list[str], progress: Progress
-) -> tuple[F8, I4]:
-    """Split what is not manifold, and mend or drop faces of no area."""
+) -> tuple[F8, I4, I8]:
+    """Split what is not manifold, and mend or drop faces of no area.
+
+    A face changed by a flip comes from the face that covers its middle.
+    """
+    corners, origin = points[triangles], np.arange(len(triangles))
     crowded = int((edges(triangles)[1] > 2).sum())
     extra, flipped, dropped = 0, 0, 0
     for _ in range(_ROUNDS):
@@ -136,7 +151,7 @@ def _manifold(
         if len(flat) == 0:
             break
         dropped += len(flat)
-        triangles = np.delete(triangles, flat, axis=0)
+        triangles, origin = np.delete(triangles, flat, axis=0), np.delete(origin, flat)
         if len(triangles) == 0:
             raise InvalidMesh("no triangle is left: all faces have zero area")
         points, triangles = _compact(points, triangles)
@@ -147,7 +162,11 @@ def _manifold(
     _note(notes, flipped, "edges flipped at faces without area")
     _note(notes, dropped, "dropped faces without area")
     _note(notes, unfolded, "edges flipped where faces were folded onto each other")
-    return points, triangles
+    if flipped or unfolded:
+        moved = np.flatnonzero((points[triangles] != corners[origin]).any(axis=(1, 2)))
+        middle = points[triangles[moved]].mean(axis=1)
+        origin[moved] = nearest_face(middle, corners)
+    return points, triangles, origin
 
 
 def _compact(points: F8, triangles: I4) -> tuple[F8, I4]:

@@ -12,8 +12,8 @@ from btfcore.patch.distortion import field_directions
 from btfcore.patch.flatten import FlatPatch, Flattener
 from btfcore.patch.resample import look_up, work_image
 from btfcore.quilt.appearance import appearance
+from btfcore.quilt.beside import ColourMatcher
 from btfcore.quilt.fitting import Cut, fit, near_bare
-from btfcore.quilt.grid import SampleGrid
 from btfcore.quilt.literal import RotatedMatcher
 from btfcore.quilt.matching import Matcher, Placement
 from btfcore.quilt.measure import seam_edges_around
@@ -21,6 +21,7 @@ from btfcore.quilt.parameters import QuiltParameters
 from btfcore.quilt.patches import median_direction
 from btfcore.quilt.register import fit_warp, warped
 from btfcore.quilt.reuse import Reuse
+from btfcore.quilt.sheet import Sheet
 from btfcore.quilt.state import QuiltState
 from btfcore.types import F4, F8
 
@@ -51,24 +52,36 @@ class CandidateFinder:
     def __init__(
         self,
         net: Connectivity,
-        grid: SampleGrid,
+        sheet: Sheet,
         state: QuiltState,
         flattener: Flattener,
         parameters: QuiltParameters,
     ) -> None:
         """Prepare for a run; `flattener` holds the patch that is asked about."""
-        self.net, self.grid, self.state, self.parameters = net, grid, state, parameters
+        self.net, self.sheet, self.state, self.parameters = net, sheet, state, parameters
         self.cuts = 0
         self._flattener = flattener
-        self._matcher = Matcher(grid)
-        self._rotated = RotatedMatcher(grid)
+        self._matchers = [(Matcher(grid), RotatedMatcher(grid)) for grid in sheet.grids]
+        self._colours = ColourMatcher(net, sheet, state, parameters)
         if parameters.literal:
-            self._rotated.precompute()
-        self._cut = appearance(grid.match, parameters.beside) if parameters.beside else grid.cut
-        self._reuse: Reuse | None = None
+            for _, rotated in self._matchers:
+                rotated.precompute()
+        self._cut = sheet
+        if parameters.beside:
+            seen = [appearance(grid.match, parameters.beside) for grid in sheet.grids]
+            self._cut = sheet.compared_by(seen)
+        self._reuses: list[Reuse | None] = [None] * len(sheet.grids)
         if parameters.reuse > 0.0:
-            self._reuse = Reuse(grid.cut.shape[0], grid.cut.shape[1], parameters.reuse)
+            sizes = [grid.cut.shape[:2] for grid in sheet.grids]
+            self._reuses = [Reuse(high, wide, parameters.reuse) for high, wide in sizes]
+        self._take(0)
         self._random = np.random.default_rng(parameters.seed)
+
+    def _take(self, mine: int) -> None:
+        """Place sample `mine` from now on."""
+        self.mine, self.grid = mine, self.sheet.grids[mine]
+        self._matcher, self._rotated = self._matchers[mine]
+        self._reuse = self._reuses[mine]
 
     def best(self, patch: FlatPatch, running: float) -> Candidate:
         """Match and cut; the cheapest of the placements tried.
@@ -76,18 +89,22 @@ class CandidateFinder:
         `running`: cost that each bare vertex which a placement misses is counted at.
         """
         net, local = self.net, self._flattener.local
+        self._take(self.state.home(int(patch.order[0])))
         turn = field_directions(
             net.indptr, net.indices, net.edge, patch.order, patch.inner, local, patch.plane
         )
         direction = turn[:, 0] + 1j * turn[:, 1]
-        bare = self.state.patch[patch.order[: patch.inner]] < 0
+        bare = self.state.bare_for(patch.order[: patch.inner])
         mean = median_direction(direction[bare], direction[0])
         plane = (patch.plane[:, 0] + 1j * patch.plane[:, 1]) * mean.conjugate()
         points = plane / self.grid.unit
         radius = _radius(points)
         heading = float(np.angle(mean))
         best: Candidate | None = None
-        for placement in self._placements(patch, plane, heading):
+        placements = self._placements(patch, plane, heading)
+        if self.state.layout is not None and not self.parameters.literal:
+            placements += self._beside_others(patch, plane)
+        for placement in placements:
             warp = np.array([placement.column, placement.row, placement.turn, *placement.warp])
             at, rotation = warped(points, warp, radius)
             place = at.astype(np.float32)
@@ -96,6 +113,8 @@ class CandidateFinder:
                 self.state.patch, self.state.source, self.state.ghost, self._cut,
                 # the paper cuts the whole overlap
                 patch.radius * 2 if self.parameters.literal else self.parameters.band,
+                owner=self.state.sample, mine=self.mine,
+                allowed=self.state.allowed(self.mine),
             )  # fmt: skip
             self.cuts += 1
             score = cut.flow + running * cut.missed
@@ -154,6 +173,11 @@ class CandidateFinder:
         points, values = points[known], values[known]
         return [self._registered(points, radius, values, placement) for placement in found]
 
+    def _beside_others(self, patch: FlatPatch, plane: C16) -> list[Placement]:
+        point = np.stack([plane.real, -plane.imag], axis=1) / self.grid.unit
+        half = self._half(point[: patch.inner])
+        return self._colours.match(patch, self._flattener.local, point, half)
+
     def _registered(self, points: C16, radius: float, values: F4, at: Placement) -> Placement:
         """Shift, turn and slightly warp a placement to where it fits best."""
         start = np.array([at.column, at.row, at.turn, *at.warp])
@@ -171,7 +195,7 @@ class CandidateFinder:
         """Which vertices (n,) of a patch are matched, and values (n, k) of all in that space."""
         net, state = self.net, self.state
         values = look_up(self.grid.match, state.source[patch.order])
-        known = state.patch[patch.order] >= 0
+        known = state.known_to(patch.order)
         if not self.parameters.literal:
             known &= near_bare(
                 net.indptr, net.indices, patch.order, self._flattener.local, state.patch,

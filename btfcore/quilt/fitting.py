@@ -15,7 +15,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from btfcore.mincut import minimum_cut
-from btfcore.types import F4, I4
+from btfcore.quilt.sheet import ANYWHERE, Sheet, single
+from btfcore.types import F4, I4, U2
 
 BARE, OLD = -1, -2  # what a patch vertex is, where it is no node
 
@@ -44,17 +45,29 @@ def fit(
     patch: I4,
     source: F4,
     ghost: F4,
-    grid: F4,
+    grid: F4 | Sheet,
     band: int,
+    *,
+    owner: U2 | None = None,
+    mine: int = 0,
+    allowed: NDArray[np.bool_] | None = None,
 ) -> Cut:
     """Cut the placement `place` (n, 2) f4 (grid coordinates of the patch's vertices).
 
     patch (N,), source (N, 2), ghost (M, 2): the quilt so far, in grid coordinates; grid
     (h, w, K): the channels that distances are taken in; band: levels of overlap, counted
     from the bare vertices, in which the seam may run.
+
+    Where several samples share the surface, grid holds them all, owner (N,) u2 is the sample
+    of every synthesised vertex, `mine` the patch's, and allowed (N,) bool says which vertices
+    may take it.
     """
-    covered, node, count = _nodes(
-        indptr, indices, order, inner, local, place, patch, grid.shape[0], grid.shape[1], band
+    sheet = grid if isinstance(grid, Sheet) else single(grid)
+    owner = np.zeros(1, np.uint16) if owner is None else owner
+    allowed = ANYWHERE if allowed is None else allowed
+    height, width = sheet.frames[mine, 1], sheet.frames[mine, 2]
+    inside, covered, node, count = _nodes(
+        indptr, indices, order, inner, local, place, patch, allowed, height, width, band
     )
     bare = patch[order[:inner]] < 0
     fresh = bare & covered[:inner]
@@ -63,8 +76,8 @@ def fit(
     if count == 0:
         return Cut(fresh, 0.0, gained, missed)
     tail, head, forward, backward, keep, change, extra = _graph(
-        indptr, indices, order, inner, local, place, patch, source, ghost, grid,
-        covered, node, count,
+        indptr, indices, order, inner, local, place, patch, source, ghost,
+        sheet.cut, sheet.colour, sheet.frames, owner, mine, inside, covered, node, count,
     )  # fmt: skip
     flow, side = minimum_cut(count + extra, tail, head, forward, backward, change, keep)
     is_node = node[:inner] >= 0
@@ -73,13 +86,17 @@ def fit(
 
 
 @njit(cache=True)
-def _nodes(indptr, indices, order, inner, local, place, patch, height, width, band):  # type: ignore[no-untyped-def]
-    """Which vertices the placement covers, and which of them are graph nodes."""
+def _nodes(  # type: ignore[no-untyped-def]
+    indptr, indices, order, inner, local, place, patch, allowed, height, width, band
+):
+    """Which vertices lie inside the sample, are covered, and are graph nodes."""
     count = len(order)
+    inside = np.empty(count, np.bool_)
     covered = np.empty(count, np.bool_)
     for here in range(count):
         x, y = place[here, 0], place[here, 1]
-        covered[here] = x >= 0.0 and y >= 0.0 and x <= width - 1 and y <= height - 1
+        inside[here] = x >= 0.0 and y >= 0.0 and x <= width - 1 and y <= height - 1
+        covered[here] = inside[here] and (len(allowed) == 0 or allowed[order[here]])
     node = np.full(count, OLD, np.int32)
     queue = np.empty(inner, np.int32)
     depth = np.full(inner, -1, np.int32)
@@ -109,7 +126,7 @@ def _nodes(indptr, indices, order, inner, local, place, patch, height, width, ba
                 nodes += 1
                 queue[tail] = other
                 tail += 1
-    return covered, node, nodes
+    return inside, covered, node, nodes
 
 
 @njit(cache=True)
@@ -144,28 +161,40 @@ def near_bare(
 
 
 @njit(cache=True)
-def _distance(grid, ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """Distance of the bilinear values at two grid positions, clamped at the border."""
-    height, width, channels = grid.shape
+def _distance(sheet, colour, frames, a, ax, ay, b, bx, by):  # type: ignore[no-untyped-def]
+    """Distance of the bilinear values at two positions, clamped at the border.
+
+    `a` and `b` are the samples of the two: channels of different samples mean different
+    things, so there colours are compared.
+    """
+    if len(frames) == 1:
+        a, b = 0, 0
+    top, low = frames[a, 0], frames[b, 0]
+    height, width = frames[a, 1], frames[a, 2]
     ax, ay = min(max(ax, 0.0), width - 1.0), min(max(ay, 0.0), height - 1.0)
+    ac, ar = int(ax), int(ay)
+    ac1, ar1 = min(ac + 1, width - 1), top + min(ar + 1, height - 1)
+    height, width = frames[b, 1], frames[b, 2]
     bx, by = min(max(bx, 0.0), width - 1.0), min(max(by, 0.0), height - 1.0)
-    ac, ar, bc, br = int(ax), int(ay), int(bx), int(by)
-    ac1, ar1 = min(ac + 1, width - 1), min(ar + 1, height - 1)
-    bc1, br1 = min(bc + 1, width - 1), min(br + 1, height - 1)
+    bc, br = int(bx), int(by)
+    bc1, br1 = min(bc + 1, width - 1), low + min(br + 1, height - 1)
     afx, afy, bfx, bfy = ax - ac, ay - ar, bx - bc, by - br
+    ar, br = top + ar, low + br
     a00, a01, a10, a11 = (1 - afx) * (1 - afy), afx * (1 - afy), (1 - afx) * afy, afx * afy
     b00, b01, b10, b11 = (1 - bfx) * (1 - bfy), bfx * (1 - bfy), (1 - bfx) * bfy, bfx * bfy
+    grid = sheet if a == b else colour
+    channels = frames[a, 3] if a == b else 3
     total = 0.0
     for k in range(channels):
-        a = (
+        va = (
             a00 * grid[ar, ac, k] + a01 * grid[ar, ac1, k]
             + a10 * grid[ar1, ac, k] + a11 * grid[ar1, ac1, k]
         )  # fmt: skip
-        b = (
+        vb = (
             b00 * grid[br, bc, k] + b01 * grid[br, bc1, k]
             + b10 * grid[br1, bc, k] + b11 * grid[br1, bc1, k]
         )  # fmt: skip
-        total += (a - b) ** 2
+        total += (va - vb) ** 2
     return np.sqrt(total)
 
 
@@ -180,8 +209,9 @@ def _back_slot(indptr, indices, vertex, other):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _graph(  # type: ignore[no-untyped-def]
-    indptr, indices, order, inner, local, place, patch, source, ghost, grid, covered, node, count
-):
+    indptr, indices, order, inner, local, place, patch, source, ghost,
+    sheet, colour, frames, owner, fresh, inside, covered, node, count,
+):  # fmt: skip
     """Edges and terminal capacities; seam nodes follow the vertex nodes."""
     slots = 0
     for here in range(inner):
@@ -192,30 +222,35 @@ def _graph(  # type: ignore[no-untyped-def]
     keep = np.zeros(count + slots // 2 + 1, np.float64)  # cost of keeping the old value
     change = np.zeros(count + slots // 2 + 1, np.float64)  # cost of taking the new one
     own = np.zeros(len(order), np.float64)  # ‖A − B‖ at the vertex itself
+    several = len(frames) > 1
     for here in range(len(order)):
         vertex = order[here]
         if node[here] != BARE:
             own[here] = _distance(
-                grid, source[vertex, 0], source[vertex, 1], place[here, 0], place[here, 1]
-            )
+                sheet, colour, frames, owner[vertex] if several else 0,
+                source[vertex, 0], source[vertex, 1], fresh, place[here, 0], place[here, 1],
+            )  # fmt: skip
     edges, extra = 0, 0
     for here in range(inner):
         me = node[here]
         if me < 0:
             continue
         p = order[here]
+        a = owner[p] if several else 0
         for slot in range(indptr[p], indptr[p + 1]):
             q = indices[slot]
             other = local[q]
             if other >= 0 and node[other] == BARE:
                 if other < inner and covered[other]:
                     keep[me] += own[here] + _distance(
-                        grid, ghost[slot, 0], ghost[slot, 1], place[other, 0], place[other, 1]
-                    )
+                        sheet, colour, frames, a, ghost[slot, 0], ghost[slot, 1],
+                        fresh, place[other, 0], place[other, 1],
+                    )  # fmt: skip
                 continue
             if other < 0 and patch[q] < 0:
                 continue
             same = patch[p] == patch[q]
+            b = owner[q] if several else 0
             if other >= 0 and node[other] >= 0:
                 if other < here:
                     continue
@@ -227,19 +262,25 @@ def _graph(  # type: ignore[no-untyped-def]
                 back = _back_slot(indptr, indices, p, q)
                 # M(p, q, A_p, B), M(p, q, A_q, B) and the old seam M(p, q, A_p, A_q)
                 mine = own[here] + _distance(
-                    grid, ghost[slot, 0], ghost[slot, 1], place[other, 0], place[other, 1]
-                )
+                    sheet, colour, frames, a, ghost[slot, 0], ghost[slot, 1],
+                    fresh, place[other, 0], place[other, 1],
+                )  # fmt: skip
                 theirs = own[other] + _distance(
-                    grid, ghost[back, 0], ghost[back, 1], place[here, 0], place[here, 1]
-                )
+                    sheet, colour, frames, b, ghost[back, 0], ghost[back, 1],
+                    fresh, place[here, 0], place[here, 1],
+                )  # fmt: skip
                 seam = count + extra
                 extra += 1
                 tail[edges], head[edges], forward[edges] = me, seam, mine
                 tail[edges + 1], head[edges + 1], forward[edges + 1] = seam, node[other], theirs
                 edges += 2
                 keep[seam] = _distance(
-                    grid, source[p, 0], source[p, 1], ghost[back, 0], ghost[back, 1]
-                ) + _distance(grid, ghost[slot, 0], ghost[slot, 1], source[q, 0], source[q, 1])
+                    sheet, colour, frames, a, source[p, 0], source[p, 1],
+                    b, ghost[back, 0], ghost[back, 1],
+                ) + _distance(
+                    sheet, colour, frames, a, ghost[slot, 0], ghost[slot, 1],
+                    b, source[q, 0], source[q, 1],
+                )  # fmt: skip
                 continue
             # q keeps its old value whatever happens
             if same:
@@ -247,12 +288,17 @@ def _graph(  # type: ignore[no-untyped-def]
             else:
                 back = _back_slot(indptr, indices, p, q)
                 rim = _distance(
-                    grid, ghost[back, 0], ghost[back, 1], place[here, 0], place[here, 1]
-                )
+                    sheet, colour, frames, b, ghost[back, 0], ghost[back, 1],
+                    fresh, place[here, 0], place[here, 1],
+                )  # fmt: skip
                 keep[me] += _distance(
-                    grid, source[p, 0], source[p, 1], ghost[back, 0], ghost[back, 1]
-                ) + _distance(grid, ghost[slot, 0], ghost[slot, 1], source[q, 0], source[q, 1])
-            change[me] += rim + (own[other] if other >= 0 and covered[other] else rim)
+                    sheet, colour, frames, a, source[p, 0], source[p, 1],
+                    b, ghost[back, 0], ghost[back, 1],
+                ) + _distance(
+                    sheet, colour, frames, a, ghost[slot, 0], ghost[slot, 1],
+                    b, source[q, 0], source[q, 1],
+                )  # fmt: skip
+            change[me] += rim + (own[other] if other >= 0 and inside[other] else rim)
     total = count + extra
     return (
         tail[:edges], head[:edges], forward[:edges], forward[:edges],

@@ -59,9 +59,14 @@ def sample_grid(sample: Sample, *, scale: float = 1.0, match_channels: int = 4) 
         )
     cut = _without_copies(channels)
     cut = np.ascontiguousarray(cut - cut.mean(axis=(0, 1), dtype=np.float64), np.float32)
-    near, far = _differences(cut)
+    near, far = differences(cut)
     match = _principal(cut, match_channels)
     return SampleGrid(cut, match, max(scale, 1.0), shrink, near, far)
+
+
+def colour_grid(sample: Sample, grid: SampleGrid) -> F4:
+    """Colours (h, w, 3) f4 of `sample` on its grid."""
+    return sample.colour if grid.shrink == 1.0 else _reduced(sample.colour, grid.shrink)
 
 
 def _reduced(channels: F4, shrink: float) -> F4:
@@ -88,7 +93,7 @@ def _without_copies(channels: F4) -> F4:
     return channels
 
 
-def _differences(cut: F4) -> tuple[float, float]:
+def differences(cut: F4) -> tuple[float, float]:
     """Mean distance of neighbouring texels and of random pairs of texels."""
     wide = cut.astype(np.float64)
     across = np.sqrt(((wide[:, 1:] - wide[:, :-1]) ** 2).sum(axis=-1))

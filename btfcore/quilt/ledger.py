@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from btfcore.mesh.topology import edges
-from btfcore.patch.resample import look_up
+from btfcore.quilt.measure import seam_steps
 from btfcore.types import F8, I4, DenseMesh, Field
 
 if TYPE_CHECKING:
@@ -111,16 +111,11 @@ def reductions(ledger: dict[int, Entry]) -> dict[str, int]:
 
 def _seams(engine: Synthesizer, count: int) -> tuple[I4, F8]:
     """Seam edges of every patch, (count,), and the sum of ½ V_pq there in texel differences."""
-    net, state, grid = engine.net, engine.state, engine.grid
-    tail = np.repeat(np.arange(len(net.indptr) - 1, dtype=np.int32), np.diff(net.indptr))
-    mine, theirs = state.patch[tail], state.patch[net.indices]
-    slots = np.flatnonzero((mine != theirs) & (mine >= 0) & (theirs >= 0))
-    there = look_up(grid.cut, state.ghost[slots]).astype(np.float64)
-    here = look_up(grid.cut, state.source[net.indices[slots]]).astype(np.float64)
-    step = np.sqrt(((there - here) ** 2).sum(axis=1)) / max(grid.texel_difference, 1e-12)
-    number = np.bincount(mine[slots], minlength=count).astype(np.int32)
+    _, tail, head, step = seam_steps(engine.net, engine.state, engine.sheet)
+    mine, theirs = engine.state.patch[tail], engine.state.patch[head]
+    number = np.bincount(mine, minlength=count).astype(np.int32)
     # half of V_pq from either end: what the patch has beyond its border, and what is there
-    total = np.bincount(mine[slots], step, count) + np.bincount(theirs[slots], step, count)
+    total = np.bincount(mine, step, count) + np.bincount(theirs, step, count)
     return number, total / 2
 
 

@@ -39,6 +39,7 @@ class QuiltParameters:
         the difference between the best match and the last of `placements`. 4 repeats visibly
         less in a regular pattern, and leaves more seams to see.
     overlap : share of the known part of the work image that a placement must cover.
+    border : levels that a sample may reach across a soft border into its neighbour's region.
     margin : distance in texels of the patch's centre to the sample's border.
     match_channels : principal channels used in matching, at most.
     literal : the paper's way in every step.
@@ -64,6 +65,7 @@ class QuiltParameters:
     overlap: float = 0.8
     margin: float = 24.0
     match_channels: int = 4
+    border: int = 12
     literal: bool = False
 
     def __post_init__(self) -> None:
@@ -77,6 +79,7 @@ class QuiltParameters:
         _within("beside", self.beside, 0, 8)
         _within("reuse", self.reuse, 0.0, 1e3)
         _within("overlap", self.overlap, 0.0, 1.0)
+        _within("border", self.border, 0, 1000)
         _within("seed", self.seed, 0, 2**32 - 1)
         if self.work_patch is not None:
             _within("work_patch", self.work_patch, 4, 200)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -32,13 +34,13 @@ class PatchChooser:
         frontier: Frontier,
         state: QuiltState,
         parameters: QuiltParameters,
-        radius: int,
+        radii: Sequence[int],
         *,
         progress: Progress = silent,
     ) -> None:
-        """Choose patches of at most `radius` levels."""
+        """Choose patches of at most as many levels as `radii` has for each sample."""
         self.net, self.state, self.parameters = net, state, parameters
-        self.radius = radius
+        self.radii = radii
         self.shrinks = 0
         self._flattener, self._frontier = flattener, frontier
         self._rate = turning_rate(
@@ -70,7 +72,7 @@ class PatchChooser:
         turn = field_directions(
             net.indptr, net.indices, net.edge, order, inner, self._flattener.local, plane
         )
-        return turn[:, 0] + 1j * turn[:, 1], self.state.patch[order[:inner]] < 0
+        return turn[:, 0] + 1j * turn[:, 1], self.state.bare_for(order[:inner])
 
     def _choose(self, vertex: int) -> FlatPatch:
         """Return the flattened patch, seeded ahead of the frontier.
@@ -79,16 +81,16 @@ class PatchChooser:
         that it must continue.
         """
         if self.parameters.literal:
-            return self._flattener.flatten(vertex, self.radius)
+            return self._flattener.flatten(vertex, self._most(vertex))
         ahead = self.parameters.ahead
-        ahead = self.radius // 2 if ahead is None else ahead
+        ahead = self._most(vertex) // 2 if ahead is None else ahead
         seed, depth, near = self._frontier.ahead(vertex, ahead)
         if near < FEW_BARE:
-            patch = self._flattener.flatten(vertex, min(self.radius, 12))
+            patch = self._flattener.flatten(vertex, min(self._most(vertex), 12))
             patch.reason = patch.reason or "few"
             return patch
         patch = self._flattener.flatten(seed, self._reach(seed), self._straight)
-        if depth > 0 and patch.radius < min(self.radius, depth + 4):
+        if depth > 0 and patch.radius < min(self._most(seed), depth + 4):
             self._flattener.release(patch)
             seed, _, _ = self._frontier.ahead(vertex, min(ahead, patch.radius // 2))
             patch = self._flattener.flatten(seed, self._reach(seed), self._straight)
@@ -100,7 +102,12 @@ class PatchChooser:
         The median distance from a diameter of the unit disk is 0.4.
         """
         allowed = (self._bend() / 0.4 + self.parameters.bend) / max(self._rate[seed], 1e-4)
-        return int(np.clip(SLACK * allowed, min(LEAST_BENT, self.radius), self.radius))
+        most = self._most(seed)
+        return int(np.clip(SLACK * allowed, min(LEAST_BENT, most), most))
+
+    def _most(self, vertex: int) -> int:
+        """Largest radius of a patch around `vertex`."""
+        return self.radii[self.state.home(vertex)]
 
     def _bend(self) -> float:
         """Bound in radians on a patch's median angle to the field.

@@ -68,9 +68,14 @@ def refine(
     was tried in vain. The n-th try is the same in every run; how many of them fit into
     `seconds` is not, so give `tries` where the same bits are wanted. The seam cost never
     rises; bare vertices stay bare. `progress` may raise `Cancelled` between placements: the
-    state is valid then. Raises `InvalidParameter` where a budget is negative or no number.
+    state is valid then. Raises `InvalidParameter` where a budget is negative or no number, and
+    for quilts of several samples.
     """
     check_budget(seconds, tries)
+    if len(engine.sheet.grids) > 1:
+        raise InvalidParameter(
+            f"refinement works on one sample, the quilt has {len(engine.sheet.grids)}"
+        )
     began = time.monotonic()
     run = _Refiner(engine, between(progress, 0.0, 0.0))
     found = RefineStatistics(before=run.energy())

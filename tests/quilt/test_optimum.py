@@ -102,9 +102,10 @@ class Enumerated:
 def test_every_cut_of_a_run_is_the_cheapest_labelling(monkeypatch, dense, field, knobs):
     seen = {"graphs": 0, "old seams": 0, "beyond": 0, "choices": 0}
 
-    def checked(*arguments):
-        cut = fit(*arguments)
-        oracle = Enumerated(*arguments)
+    def checked(*arguments, **several):
+        cut = fit(*arguments, **several)
+        *before, sheet, band = arguments
+        oracle = Enumerated(*before, sheet.cut, band)
         if len(oracle.free) > MOST:
             return cut
         costs = oracle.energies()

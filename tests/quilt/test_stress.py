@@ -14,6 +14,7 @@ from btfcore.quilt.grid import sample_grid
 from btfcore.quilt.matching import Matcher
 from btfcore.quilt.measure import measure_seams
 from btfcore.quilt.parameters import QuiltParameters
+from btfcore.quilt.sheet import single
 from btfcore.quilt.synthesize import Synthesizer
 from btfcore.types import DenseMesh, Sample
 from tests.surfaces import (
@@ -124,14 +125,20 @@ def test_matching_in_f4_agrees_with_sums_in_f8():
 # --- cutting
 
 
+def apart(grid, ax, ay, bx, by):
+    """Distance of two positions in the channels of one sample."""
+    one = single(grid)
+    return _distance(one.cut, one.colour, one.frames, 0, ax, ay, 0, bx, by)
+
+
 def test_distances_in_f4_agree_with_f8():
     random = np.random.default_rng(1)
     for scale in (1e-3, 1.0, 1e3):
         grid = (random.standard_normal((30, 20, 40)) * scale).astype(np.float32)
         wide = grid.astype(np.float64)
         for ax, ay, bx, by in random.random((200, 4)) * 19:
-            assert _distance(grid, ax, ay, bx, by) == pytest.approx(
-                _distance(wide, ax, ay, bx, by), rel=1e-5
+            assert apart(grid, ax, ay, bx, by) == pytest.approx(
+                apart(wide, ax, ay, bx, by), rel=1e-5
             )
 
 
@@ -170,7 +177,7 @@ def test_seam_measures_in_f4_agree_with_f8():
     costs = []
     for slot in np.flatnonzero(state.patch[tail] != state.patch[net.indices]):
         (ax, ay), (bx, by) = state.ghost[slot], state.source[net.indices[slot]]
-        costs.append(_distance(wide, float(ax), float(ay), float(bx), float(by)))
+        costs.append(apart(wide, float(ax), float(ay), float(bx), float(by)))
     mean = np.mean(costs) / engine.grid.texel_difference
     assert seams.per_edge == pytest.approx(mean, rel=1e-5)
 
