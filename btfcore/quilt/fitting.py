@@ -25,8 +25,8 @@ BARE, OLD = -1, -2  # what a patch vertex is, where it is no node
 class Cut:
     """An optimal seam: `fresh` (inner,) bool marks the patch vertices that take new values.
 
-    flow: its cost; gained: bare vertices covered; missed: bare vertices that the placement
-    does not reach.
+    flow: its cost, seams that no cut avoids included; gained: bare vertices covered; missed:
+    bare vertices that the placement does not reach.
     """
 
     fresh: NDArray[np.bool_]
@@ -73,8 +73,12 @@ def fit(
     fresh = bare & covered[:inner]
     gained = int(fresh.sum())
     missed = int(bare.sum()) - gained
+    fixed = _fixed(
+        indptr, indices, order, inner, local, place, patch, source, ghost,
+        sheet.cut, sheet.colour, sheet.frames, owner, mine, inside, covered, node,
+    )  # fmt: skip
     if count == 0:
-        return Cut(fresh, 0.0, gained, missed)
+        return Cut(fresh, fixed, gained, missed)
     tail, head, forward, backward, keep, change, extra = _graph(
         indptr, indices, order, inner, local, place, patch, source, ghost,
         sheet.cut, sheet.colour, sheet.frames, owner, mine, inside, covered, node, count,
@@ -82,7 +86,7 @@ def fit(
     flow, side = minimum_cut(count + extra, tail, head, forward, backward, change, keep)
     is_node = node[:inner] >= 0
     fresh[is_node] = side[node[:inner][is_node]]
-    return Cut(fresh, flow, gained, missed)
+    return Cut(fresh, fixed + flow, gained, missed)
 
 
 @njit(cache=True)
@@ -205,6 +209,42 @@ def _back_slot(indptr, indices, vertex, other):  # type: ignore[no-untyped-def]
         if indices[slot] == vertex:
             return slot
     return -1
+
+
+@njit(cache=True)
+def _fixed(  # type: ignore[no-untyped-def]
+    indptr, indices, order, inner, local, place, patch, source, ghost,
+    sheet, colour, frames, owner, fresh, inside, covered, node,
+):  # fmt: skip
+    """Cost of the seams between bare vertices that are covered and old ones that must stay.
+
+    The same for every cut of a placement, but not for every placement.
+    """
+    several = len(frames) > 1
+    total = 0.0
+    for here in range(inner):
+        if node[here] != BARE or not covered[here]:
+            continue
+        p = order[here]
+        for slot in range(indptr[p], indptr[p + 1]):
+            q = indices[slot]
+            other = local[q]
+            if patch[q] < 0 or (other >= 0 and node[other] >= 0):
+                continue
+            b = owner[q] if several else 0
+            back = _back_slot(indptr, indices, p, q)
+            rim = _distance(
+                sheet, colour, frames, b, ghost[back, 0], ghost[back, 1],
+                fresh, place[here, 0], place[here, 1],
+            )  # fmt: skip
+            total += rim
+            if other >= 0 and inside[other]:
+                rim = _distance(
+                    sheet, colour, frames, b, source[q, 0], source[q, 1],
+                    fresh, place[other, 0], place[other, 1],
+                )  # fmt: skip
+            total += rim
+    return total
 
 
 @njit(cache=True)

@@ -72,7 +72,7 @@ class Enumerated:
         )
 
     def energies(self):
-        """Σ V over the edges at a free vertex, (2^n,), bit k being the label of free[k]."""
+        """Σ V over the edges that are or may be cut, (2^n,), bit k being free[k]'s label."""
         count = len(self.free)
         bit = {v: k for k, v in enumerate(self.free)}
         label = (np.arange(2**count)[:, None] >> np.arange(count)) & 1
@@ -87,6 +87,10 @@ class Enumerated:
                 theirs = label[:, bit[j]] if j in bit else np.full(len(mine), j in self.always)
                 cost = np.array([[self.edge(i, j, a, b) for b in (0, 1)] for a in (0, 1)])
                 total += cost[mine, theirs.astype(int)]
+        for i in self.always:  # seams that every labelling has
+            for j in map(int, self.indices[self.indptr[i] : self.indptr[i + 1]]):
+                if j not in bit and self.patch[j] >= 0:
+                    total += self.edge(i, j, True, False)
         return total
 
 
