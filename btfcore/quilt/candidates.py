@@ -13,6 +13,7 @@ from btfcore.patch.flatten import FlatPatch, Flattener
 from btfcore.patch.resample import look_up, work_image
 from btfcore.quilt.appearance import appearance
 from btfcore.quilt.beside import ColourMatcher
+from btfcore.quilt.extend import extensions
 from btfcore.quilt.fitting import Cut, fit, near_bare
 from btfcore.quilt.literal import RotatedMatcher
 from btfcore.quilt.matching import Matcher, Placement
@@ -26,6 +27,8 @@ from btfcore.quilt.state import QuiltState
 from btfcore.types import F4, F8
 
 C16 = NDArray[np.complex128]
+SMALL = 700  # vertices up to which a patch first tries to carry on those around it
+DEAR = 3.0  # times the mean cost, above which it searches the sample all the same
 REACH = 1.5  # texels that registration may shift a placement by
 ROUNDS = 6  # its Gauss-Newton steps, most placements stopping after three
 
@@ -44,6 +47,20 @@ class Candidate:
     angle: F8
     score: float
     seam: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Lay:
+    """A patch about its centre, the field's median along +x.
+
+    points (n,) complex: its vertices in grid texels, y up; radius: the largest distance;
+    direction (inner,) complex: the field's unit directions.
+    """
+
+    patch: FlatPatch
+    points: C16
+    radius: float
+    direction: C16
 
 
 class CandidateFinder:
@@ -98,29 +115,18 @@ class CandidateFinder:
         mean = median_direction(direction[bare], direction[0])
         plane = (patch.plane[:, 0] + 1j * patch.plane[:, 1]) * mean.conjugate()
         points = plane / self.grid.unit
-        radius = _radius(points)
+        lay = _Lay(patch, points, _radius(points), direction * mean.conjugate())
         heading = float(np.angle(mean))
         best: Candidate | None = None
-        placements = self._placements(patch, plane, heading)
-        if self.state.layout is not None and not self.parameters.literal:
-            placements += self._beside_others(patch, plane)
-        for placement in placements:
-            warp = np.array([placement.column, placement.row, placement.turn, *placement.warp])
-            at, rotation = warped(points, warp, radius)
-            place = at.astype(np.float32)
-            cut = fit(
-                net.indptr, net.indices, patch.order, patch.inner, local, place,
-                self.state.patch, self.state.source, self.state.ghost, self._cut,
-                # the paper cuts the whole overlap
-                patch.radius * 2 if self.parameters.literal else self.parameters.band,
-                owner=self.state.sample, mine=self.mine,
-                allowed=self.state.allowed(self.mine),
-            )  # fmt: skip
-            self.cuts += 1
-            score = cut.flow + running * cut.missed
-            if best is None or score < best.score:
-                angle = -np.angle(direction * mean.conjugate() * rotation[: patch.inner])
-                best = Candidate(patch, cut, place, angle, score, 0.0)
+        if not self.parameters.literal and len(patch.order) <= SMALL:
+            for placement in self._extended(patch, plane):
+                best = self._cheaper(best, lay, placement, running)
+        if best is None or best.score > DEAR * running * int(bare.sum()):
+            placements = self._placements(patch, plane, heading)
+            if self.state.layout is not None and not self.parameters.literal:
+                placements += self._beside_others(patch, plane)
+            for placement in placements:
+                best = self._cheaper(best, lay, placement, running)
         assert best is not None
         if self._reuse is not None:
             self._reuse.taken(*best.place[0].tolist())
@@ -132,6 +138,28 @@ class CandidateFinder:
             unit = 2 * max(self.grid.texel_difference, 1e-12)
             best.seam = best.cut.flow / max(edges, 1) / unit
         return best
+
+    def _cheaper(
+        self, best: Candidate | None, lay: _Lay, placement: Placement, running: float
+    ) -> Candidate:
+        """Cut a placement; return it, or `best` where that is cheaper."""
+        patch = lay.patch
+        warp = np.array([placement.column, placement.row, placement.turn, *placement.warp])
+        at, rotation = warped(lay.points, warp, lay.radius)
+        place = at.astype(np.float32)
+        cut = fit(
+            self.net.indptr, self.net.indices, patch.order, patch.inner, self._flattener.local,
+            place, self.state.patch, self.state.source, self.state.ghost, self._cut,
+            # the paper cuts the whole overlap
+            patch.radius * 2 if self.parameters.literal else self.parameters.band,
+            owner=self.state.sample, mine=self.mine, allowed=self.state.allowed(self.mine),
+        )  # fmt: skip
+        self.cuts += 1
+        score = cut.flow + running * cut.missed
+        if best is not None and score >= best.score:
+            return best
+        angle = -np.angle(lay.direction * rotation[: patch.inner])
+        return Candidate(patch, cut, place, angle, score, 0.0)
 
     def _placements(self, patch: FlatPatch, plane: C16, heading: float) -> list[Placement]:
         """Candidate placements of the patch's centre, cheapest first.
@@ -172,6 +200,15 @@ class CandidateFinder:
         radius = _radius(points)
         points, values = points[known], values[known]
         return [self._registered(points, radius, values, placement) for placement in found]
+
+    def _extended(self, patch: FlatPatch, plane: C16) -> list[Placement]:
+        """Placements that carry on the patches around, centred inside the sample."""
+        mine = self.state.known_to(patch.order)
+        height, width = self.grid.cut.shape[:2]
+        found = extensions(
+            self.state, patch.order[mine], plane[mine] / self.grid.unit, self.parameters.placements
+        )
+        return [at for at in found if 0 <= at.column <= width - 1 and 0 <= at.row <= height - 1]
 
     def _beside_others(self, patch: FlatPatch, plane: C16) -> list[Placement]:
         point = np.stack([plane.real, -plane.imag], axis=1) / self.grid.unit
