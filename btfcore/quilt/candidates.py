@@ -27,8 +27,7 @@ from btfcore.quilt.state import QuiltState
 from btfcore.types import F4, F8
 
 C16 = NDArray[np.complex128]
-SMALL = 700  # vertices up to which a patch first tries to carry on those around it
-DEAR = 3.0  # times the mean cost, above which it searches the sample all the same
+DEAR = 3.0  # times the mean cost, above which a small patch searches the sample all the same
 REACH = 1.5  # texels that registration may shift a placement by
 ROUNDS = 6  # its Gauss-Newton steps, most placements stopping after three
 
@@ -118,7 +117,7 @@ class CandidateFinder:
         lay = _Lay(patch, points, _radius(points), direction * mean.conjugate())
         heading = float(np.angle(mean))
         best: Candidate | None = None
-        if not self.parameters.literal and len(patch.order) <= SMALL:
+        if not self.parameters.literal and len(patch.order) <= self.parameters.carry_on:
             for placement in self._extended(patch, plane):
                 best = self._cheaper(best, lay, placement, running)
         if best is None or best.score > DEAR * running * int(bare.sum()):

@@ -29,6 +29,8 @@ class QuiltParameters:
         fractions of a texel; 0 leaves whole texels.
     give : by how much registration may stretch, shear and bend a placement, as a share of
         its lengths; 0 keeps placements rigid.
+    carry_on : vertices up to which a patch first tries to carry on the patches around it, and
+        searches the sample only where that is dear; 0 always searches.
     swing : orientations of the sample tried around the field's, in degrees.
     ahead : how many levels ahead of the frontier a patch is centred; None: half of r_w.
     band : width in levels of the overlap that may be cut.
@@ -54,6 +56,7 @@ class QuiltParameters:
     near_field: float = 4.8
     bend: float = 0.15
     placements: int = 4
+    carry_on: int = 700
     swing: tuple[float, ...] = (0.0,)
     sway: float = 2.0
     give: float = 0.08
@@ -75,6 +78,7 @@ class QuiltParameters:
         _within("placements", self.placements, 1, 64)
         _within("bend", self.bend, 0.0, 0.5)
         _within("sway", self.sway, 0.0, 45.0)
+        _within("carry_on", self.carry_on, 0, 10**6)
         _within("give", self.give, 0.0, 0.3)
         _within("beside", self.beside, 0, 8)
         _within("reuse", self.reuse, 0.0, 1e3)

@@ -135,7 +135,7 @@ def test_every_cut_of_a_run_is_the_cheapest_labelling(monkeypatch, dense, field,
 @pytest.mark.parametrize("seed", range(2))
 def test_no_pick_is_cheaper_than_the_best_of_all_placements(seed, turns):
     """Without sub-texel shifts every pick is among those enumerated, so it costs no less."""
-    knobs = QuiltParameters(seed=seed, sway=0.0, swing=turns, margin=6.0)
+    knobs = QuiltParameters(seed=seed, sway=0.0, carry_on=0, swing=turns, margin=6.0)
     picks = audited(blobs(24, 24, seed=seed), knobs, side=14, turns=turns)
     assert len(picks) > 3 and max(pick.vertices for pick in picks) > 80
     for pick in picks:
