@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from PyQt6.QtCore import QObject, pyqtSignal
@@ -15,7 +15,7 @@ from app.tasks import Job, Report, Tasks
 from btfcore import pipeline
 from btfcore.btf.image import SUFFIXES as IMAGE_SUFFIXES
 from btfcore.btf.image import read_images
-from btfcore.errors import PatinaError
+from btfcore.errors import Cancelled, PatinaError
 from btfcore.files.package.read import read_package
 from btfcore.files.package.write import SUFFIX as PACKAGE_SUFFIX
 from btfcore.files.samples import thumbnail
@@ -27,6 +27,10 @@ from btfcore.render.gutter import gutter_source
 from btfcore.render.modes import chart_colours, field_colours, seam_colours
 from btfcore.render.texture import atlas_texture, vertex_colours
 from btfcore.types import Atlas, Quilt, Sample
+
+if TYPE_CHECKING:
+    from btfcore.quilt.parameters import QuiltParameters
+    from btfcore.quilt.synthesize import Synthesizer
 
 SAMPLE_SUFFIXES = (*IMAGE_SUFFIXES, PACKAGE_SUFFIX)
 THUMBNAIL = 192  # pixels a side, enough for 96 on a screen of double density
@@ -53,6 +57,8 @@ class Operations(QObject):
         self._to_read: list[Path] = []
         self._canvases: dict[int, Canvas] = {}
         self._sample: tuple[Path, Sample] | None = None
+        # the synthesis that was cancelled last, by what it was asked to do
+        self._unfinished: dict[tuple[Canvas, Sample, QuiltParameters], Synthesizer] = {}
         for tasks in (self.work, self.drawing, self.reading):
             tasks.finished.connect(self._finish)
             tasks.reported.connect(self._take)
@@ -78,7 +84,10 @@ class Operations(QObject):
         return self._start("open", job)
 
     def synthesize(self) -> bool:
-        """Cover the mesh with the chosen sample; False where that cannot be started."""
+        """Cover the mesh with the chosen sample; False where that cannot be started.
+
+        A synthesis that was cancelled goes on where it stopped, if it is asked for again.
+        """
         opened, path, knobs = self.document.opened, self.document.sample_path, self.document.knobs
         if opened is None or path is None:
             self.failed.emit(self.tr("Choose a mesh and a sample first."))
@@ -101,10 +110,18 @@ class Operations(QObject):
                 report("frame", lambda: self._pictures(here, sample, partial), droppable=True)
 
             begin = 0.02 if canvas else 0.4
-            quilt, engine = pipeline.synthesize(
-                here.prepared, sample, parameters=parameters,
-                progress=between(progress, begin, 0.98), on_update=show,
-            )  # fmt: skip
+            key = (here, sample, parameters)
+            engine = self._unfinished.pop(key, None)
+            if engine is None:
+                engine = pipeline.synthesizer(
+                    here.prepared, sample, parameters, progress=between(progress, begin, begin)
+                )
+            try:
+                quilt = engine.run(progress=between(progress, begin, 0.98), on_update=show)
+            except Cancelled:
+                self._unfinished = {key: engine}  # between patches it is whole
+                raise
+            self._unfinished.clear()
             progress(0.99, "measuring the seams")
             seams = measure_seams(engine.net, engine.state, engine.sheet)
             patches, seconds = engine.statistics.patches, time.monotonic() - start
@@ -228,6 +245,7 @@ class Operations(QObject):
     def _finish(self, name: str, value: Any) -> None:
         if name == "open":
             self._canvases = {}
+            self._unfinished = {}
             self.document.set_mesh(value)
             for note in value.imported.notes:
                 self.noted.emit(f"{value.path.name}: {note}")

@@ -141,6 +141,26 @@ def test_cancel_leaves_the_document_usable(qtbot, window, files):
     assert window.document.decoration is not None and window.run.export.isEnabled()
 
 
+def test_a_cancelled_synthesis_goes_on_where_it_stopped(qtbot, window, files):
+    load(qtbot, window, files, rate=128)
+    operations = window.operations
+    stop = lambda _, label, __: window.cancel() if label == "quilting" else None  # noqa: E731
+    operations.work.progressed.connect(stop)
+    with qtbot.waitSignal(operations.work.cancelled, timeout=LONG):
+        window.synthesize()
+    idle(qtbot, window)
+    operations.work.wait()
+    (engine,) = operations._unfinished.values()
+    before = engine.state.patch.copy()
+    assert (before >= 0).any() and (before < 0).any()
+    operations.work.progressed.disconnect(stop)
+    window.synthesize()
+    idle(qtbot, window)
+    quilt = window.document.decoration.quilt
+    assert np.array_equal(quilt.patch, engine.state.patch) and (quilt.patch >= 0).all()
+    assert not operations._unfinished
+
+
 def test_pause_waits_and_going_on_gives_the_same_quilt(qtbot, window, files):
     load(qtbot, window, files, rate=128)
     work, paused = window.operations.work, []
