@@ -255,10 +255,6 @@ def decorate(
         samples: tuple[Sample, ...] = (picture,)
         if not asked.plain:
             plan = plan_samples(loaded, sample, asked)
-            if refining and len(plan.files) > 1:
-                raise InvalidParameter(
-                    f"refinement works on one sample, {len(plan.files)} are asked for"
-                )
             known, more = {Path(sample): picture}, list(plan.notes)
             for file in plan.files:
                 if file not in known:

@@ -6,6 +6,7 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from btfcore.errors import InvalidParameter
@@ -19,6 +20,7 @@ from btfcore.quilt.matching import Matcher, Placement
 from btfcore.quilt.patches import ON_COURSE, median_direction
 from btfcore.quilt.recut import recut
 from btfcore.quilt.register import register
+from btfcore.quilt.state import QuiltState
 from btfcore.quilt.synthesize import Synthesizer
 from btfcore.quilt.worst import WorstSeams
 from btfcore.types import F4, F8, I4
@@ -31,6 +33,7 @@ REACH, ROUNDS = 1.5, 6  # registration: texels that it may shift by, its steps
 # random pairs: without it seams get cheaper at the field's expense.
 ASTRAY, FARTHEST = 0.01, 6.0
 OFF_COURSE = 4.0  # times as much while less than ON_COURSE of the quilt is within near_field
+NEVER = 1e9  # bias of a vertex that must keep its value
 WORTH = 0.01  # share of a patch's seam cost below which a try counts as in vain
 
 
@@ -39,7 +42,8 @@ class RefineStatistics:
     """What a refinement did.
 
     tries: places that were cut again; accepted: those that became cheaper; before, after:
-    Σ ½ V_pq of the whole quilt per vertex, over the mean distance of random texels.
+    Σ ½ V_pq of the whole quilt per vertex, over the mean distance of random texels; seams
+    between samples, which stay as they are, left out.
     """
 
     tries: int = 0
@@ -68,29 +72,30 @@ def refine(
     was tried in vain. The n-th try is the same in every run; how many of them fit into
     `seconds` is not, so give `tries` where the same bits are wanted. The seam cost never
     rises; bare vertices stay bare. `progress` may raise `Cancelled` between placements: the
-    state is valid then. Raises `InvalidParameter` where a budget is negative or no number, and
-    for quilts of several samples.
+    state is valid then. Raises `InvalidParameter` where a budget is negative or no number.
+
+    Several samples are refined one after the other, each with its share of the budget; borders
+    between them stay where they are.
     """
     check_budget(seconds, tries)
-    if len(engine.sheet.grids) > 1:
-        raise InvalidParameter(
-            f"refinement works on one sample, the quilt has {len(engine.sheet.grids)}"
-        )
-    began = time.monotonic()
-    run = _Refiner(engine, between(progress, 0.0, 0.0))
-    found = RefineStatistics(before=run.energy())
-    while tries is None or found.tries < tries:
-        spent = time.monotonic() - began
-        if seconds is not None and spent >= seconds:
-            break
-        vertex, failures = run.worst.pick()
-        if vertex < 0:
-            break
-        done = found.tries / tries if tries else found.tries / (found.tries + 1000.0)
-        share = min(max(done, spent / seconds if seconds else 0.0), 1.0)
-        found.accepted += run.improve(vertex, failures, between(progress, share, share))
-        found.tries += 1
-    found.after = run.energy()
+    found = RefineStatistics()
+    count = len(engine.sheet.grids)
+    sizes = np.bincount(engine.state.sample[engine.state.patch >= 0], minlength=count)
+    done = 0.0
+    for mine, size in enumerate(sizes.tolist()):
+        share = size / max(int(sizes.sum()), 1)
+        run = _Refiner(engine, mine, between(progress, done, done))
+        found.before += run.energy()
+        try:
+            run.run(
+                None if seconds is None else seconds * share,
+                None if tries is None else round(tries * share),
+                found, between(progress, done, done + share),
+            )  # fmt: skip
+        finally:
+            run.finish()
+        found.after += run.energy()
+        done += share
     progress(1.0, "refining")
     return found
 
@@ -112,15 +117,50 @@ class _Lay:
 class _Refiner:
     """Places, matches and cuts; holds the seam costs of the quilt as it is."""
 
-    def __init__(self, engine: Synthesizer, progress: Progress) -> None:
-        self.engine, self.net = engine, engine.net
-        self.state, self.grid = engine.state, engine.grid
+    def __init__(self, engine: Synthesizer, mine: int, progress: Progress) -> None:
+        """Refine sample `mine` of the engine's quilt; `finish` hands the result back."""
+        self.engine, self.net, self.mine = engine, engine.net, mine
+        self.state, self.grid = engine.state, engine.sheet.grids[mine]
+        self._rim = np.zeros(0, np.bool_)
+        if len(engine.sheet.grids) > 1:
+            whole = engine.state
+            own = (whole.patch >= 0) & (whole.sample == mine)
+            # vertices of other samples count as bare, those beside them keep what they have
+            self._rim = _beside(self.net.indptr, self.net.indices, whole.patch >= 0, own)
+            patch = np.where(own, whole.patch, np.int32(-1))
+            self.state = QuiltState(whole.source, patch, whole.ghost, whole.angle, whole.patches)
         self.worst = WorstSeams(self.net, self.state, self.grid.cut, progress=progress)
         self._flattener = engine._flattener
         self._matcher = Matcher(self.grid)
         covered = self.state.patch >= 0
         self._placed = int(covered.sum())
         self._near = int((self._astray(self.state.angle[covered]) < 1).sum())
+
+    def run(
+        self, seconds: float | None, tries: int | None, found: RefineStatistics, progress: Progress
+    ) -> None:
+        """Cut the worst seams again until a budget ends or nothing improves."""
+        began, tried = time.monotonic(), 0
+        while tries is None or tried < tries:
+            spent = time.monotonic() - began
+            if seconds is not None and spent >= seconds:
+                break
+            vertex, failures = self.worst.pick()
+            if vertex < 0:
+                break
+            done = tried / tries if tries else tried / (tried + 1000.0)
+            share = min(max(done, spent / seconds if seconds else 0.0), 1.0)
+            found.accepted += self.improve(vertex, failures, between(progress, share, share))
+            tried += 1
+            found.tries += 1
+
+    def finish(self) -> None:
+        """Hand the patches of one of several samples back to the engine's quilt."""
+        whole = self.engine.state
+        if self.state is not whole:
+            own = self.state.patch >= 0
+            whole.patch[own] = self.state.patch[own]
+            whole.patches = self.state.patches
 
     def energy(self) -> float:
         """Seam cost per vertex over the random one, as `measure_seams` has it."""
@@ -129,7 +169,7 @@ class _Refiner:
 
     def improve(self, vertex: int, failures: int, progress: Progress) -> bool:
         """Try placements around `vertex`; True where the quilt became cheaper."""
-        core = max(int(SIZES[failures % len(SIZES)] * self.engine.radius), 2)
+        core = max(int(SIZES[failures % len(SIZES)] * self.engine.radii[self.mine]), 2)
         patch = self._flattener.flatten(vertex, core + RIM)
         near, gain = float(self.worst.cost[patch.order].sum()), 0.0
         try:
@@ -217,6 +257,8 @@ class _Refiner:
         if self._near < ON_COURSE * self._placed:
             unit *= OFF_COURSE
         bias = self._astray(angle) - self._astray(state.angle[patch.order[: patch.inner]])
+        if len(self._rim):
+            bias[self._rim[patch.order[: patch.inner]]] = NEVER
         cut = recut(
             net.indptr, net.indices, patch.order, patch.inner, self._flattener.local, place,
             state.patch, state.source, state.ghost, self.grid.cut, unit * bias,
@@ -255,3 +297,15 @@ def _slots(indptr: I4, vertices: I4) -> NDArray[np.int64]:
     length = (indptr[vertices + 1] - indptr[vertices]).astype(np.int64)
     first = np.cumsum(length) - length
     return np.arange(length.sum()) - np.repeat(first - indptr[vertices], length)
+
+
+@njit(cache=True)
+def _beside(indptr, indices, covered, own):  # type: ignore[no-untyped-def]
+    """Which of the vertices `own` (N,) have a covered neighbour of another sample."""
+    rim = np.zeros(len(own), np.bool_)
+    for vertex in range(len(own)):
+        if own[vertex]:
+            for slot in range(indptr[vertex], indptr[vertex + 1]):
+                if covered[indices[slot]] and not own[indices[slot]]:
+                    rim[vertex] = True
+    return rim

@@ -165,7 +165,7 @@ def test_awkward_samples_are_refined_all_the_same(sample):
 
 def test_costs_and_scores_kept_up_to_date_are_those_counted_anew():
     engine = quilted()
-    run = _Refiner(engine, silent)
+    run = _Refiner(engine, 0, silent)
     gained = sum(run.improve(*run.worst.pick(), silent) for _ in range(8))
     anew = WorstSeams(engine.net, engine.state, engine.grid.cut)
     assert gained

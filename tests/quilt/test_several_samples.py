@@ -230,7 +230,43 @@ def test_a_quilt_of_several_samples_can_be_continued(ball, hard):
         Synthesizer(dense, field, samples, knobs, layout=other, start=part)
 
 
-def test_refinement_says_that_it_takes_one_sample(ball):
-    engine, _, _ = run(ball, [blobs(), factors()], halves(ball[0]), [0, 1], Borders.all(True))
-    with pytest.raises(InvalidParameter, match="one sample, the quilt has 2"):
-        refine(engine, tries=1)
+@pytest.mark.parametrize("hard", [True, False])
+def test_refinement_mends_each_sample_and_leaves_their_borders(ball, hard):
+    samples = [blobs(), factors()]
+    engine, quilt, layout = run(ball, samples, halves(ball[0]), [0, 1], Borders.all(hard))
+    parts, border = measure_by_sample(layout.net, engine.state, engine.sheet)
+    found = refine(engine, tries=24)
+    assert found.accepted > 0 and found.after < found.before
+    better, same_border = measure_by_sample(layout.net, engine.state, engine.sheet)
+    costs = [(one.per_vertex, two.per_vertex) for one, two in zip(parts, better, strict=True)]
+    assert all(after <= before * (1 + 1e-6) for before, after in costs), costs
+    assert sum(after < before for before, after in costs) > 0
+    assert border == same_border
+    refined = engine.state.quilt(engine.sheet)
+    assert np.array_equal(refined.sample, quilt.sample)
+    again, _, _ = run(ball, samples, halves(ball[0]), [0, 1], Borders.all(hard))
+    refine(again, tries=24)
+    assert same(refined, again.state.quilt(again.sheet))
+
+
+def test_a_cancelled_refinement_of_several_samples_leaves_a_whole_quilt(ball):
+    engine, quilt, layout = run(
+        ball, [blobs(), factors()], halves(ball[0]), [0, 1], Borders.all(False)
+    )
+    calls = []
+
+    def stop(fraction, label):
+        calls.append(fraction)
+        if len(calls) > 40:
+            raise Cancelled
+
+    before = [
+        part.per_vertex for part in measure_by_sample(layout.net, engine.state, engine.sheet)[0]
+    ]
+    with pytest.raises(Cancelled):
+        refine(engine, progress=stop)
+    after = [
+        part.per_vertex for part in measure_by_sample(layout.net, engine.state, engine.sheet)[0]
+    ]
+    assert (engine.state.patch >= 0).all()
+    assert all(a <= b * (1 + 1e-6) for a, b in zip(after, before, strict=True))
