@@ -36,14 +36,15 @@ SEEDS = (0, 1, 2)
 DRAWN = ("spot.obj", "woven", 1024)  # a mesh whose pictures anybody may use
 PICTURE = ROOT / "docs" / "gallery" / "figure2.jpg"
 NOTE = """Means of three seeds. Both methods have the same mesh, field, sample, size of texel,
-channels, area of a work patch, number of placements and registration. *pattern mapping*: the
-input mesh's own triangles get texture coordinates, and a graph cut on its dual lets seams run
-along its edges only, without a bound on how far a piece may leave the field (Zhou §III-A, after
-hierarchical pattern mapping); *triangle*: mean edge of the input mesh in texels; *length*: texels
-of seam per 1,000 square texels of surface; *step*: mean of what is seen across the seams, ‖A −
-B‖, over the sample's mean texel difference; *cost*: both together, the integral of ‖A − B‖ along
-all seams per square texel over the distance of random texels; *angle*: median deviation from the
-field in degrees."""
+channels, area of a work patch and number of placements; placements are registered below the
+texel in both, rigidly in pattern mapping, while quilting also bends patches and lets them give
+(decision 0015). *pattern mapping*: the input mesh's own triangles get texture coordinates, and a
+graph cut on its dual lets seams run along its edges only, without a bound on how far a piece may
+leave the field (Zhou §III-A, after hierarchical pattern mapping); *triangle*: mean edge of the
+input mesh in texels; *length*: texels of seam per 1,000 square texels of surface; *step*: mean of
+what is seen across the seams, ‖A − B‖, over the sample's mean texel difference; *cost*: both
+together, the integral of ‖A − B‖ along all seams per square texel over the distance of random
+texels; *angle*: median deviation from the field in degrees."""
 
 
 @dataclass(frozen=True, eq=False)
