@@ -1,7 +1,9 @@
 """The window as a user meets it, under Xvfb, with the real pipeline at small rates."""
 
+import itertools
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +20,7 @@ from app.document import Mode  # noqa: E402
 from app.window import Window  # noqa: E402
 from btfcore.btf.stack import ArrayStack  # noqa: E402
 from btfcore.files.package.write import write_package  # noqa: E402
+from btfcore.quilt.synthesize import Synthesizer  # noqa: E402
 from tests.btf.bricks import factors, images, sample  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -141,19 +144,38 @@ def test_cancel_leaves_the_document_usable(qtbot, window, files):
     assert window.document.decoration is not None and window.run.export.isEnabled()
 
 
-def test_a_cancelled_synthesis_goes_on_where_it_stopped(qtbot, window, files):
+def between_patches(monkeypatch, act):
+    """Have every synthesis call `act(n)` in its own thread after its n-th patch."""
+    run = Synthesizer.run
+
+    def watched(self, *, progress, on_update=None):
+        count = itertools.count(1)
+
+        def told(fraction, label):
+            act(next(count))
+            progress(fraction, label)
+
+        return run(self, progress=told, on_update=on_update)
+
+    monkeypatch.setattr(Synthesizer, "run", watched)
+
+
+def test_a_cancelled_synthesis_goes_on_where_it_stopped(qtbot, window, files, monkeypatch):
     load(qtbot, window, files, rate=128)
-    operations = window.operations
-    stop = lambda _, label, __: window.cancel() if label == "quilting" else None  # noqa: E731
-    operations.work.progressed.connect(stop)
+    operations, stops = window.operations, [3]
+
+    def stop(number):
+        if stops and number == stops[0]:
+            stops.clear()
+            operations.work._running.stop.set()
+
+    between_patches(monkeypatch, stop)
     with qtbot.waitSignal(operations.work.cancelled, timeout=LONG):
         window.synthesize()
     idle(qtbot, window)
-    operations.work.wait()
     (engine,) = operations._unfinished.values()
     before = engine.state.patch.copy()
     assert (before >= 0).any() and (before < 0).any()
-    operations.work.progressed.disconnect(stop)
     window.synthesize()
     idle(qtbot, window)
     quilt = window.document.decoration.quilt
@@ -161,8 +183,9 @@ def test_a_cancelled_synthesis_goes_on_where_it_stopped(qtbot, window, files):
     assert not operations._unfinished
 
 
-def test_pause_waits_and_going_on_gives_the_same_quilt(qtbot, window, files):
+def test_pause_waits_and_going_on_gives_the_same_quilt(qtbot, window, files, monkeypatch):
     load(qtbot, window, files, rate=128)
+    between_patches(monkeypatch, lambda number: time.sleep(0.05))  # the window hears of it in time
     work, paused = window.operations.work, []
     assert not window.menus.pause.isEnabled()
 
