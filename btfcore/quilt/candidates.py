@@ -12,7 +12,7 @@ from btfcore.patch.distortion import field_directions
 from btfcore.patch.flatten import FlatPatch, Flattener
 from btfcore.patch.resample import look_up, work_image
 from btfcore.quilt.appearance import appearance
-from btfcore.quilt.beside import ColourMatcher
+from btfcore.quilt.colour_matching import ColourMatcher
 from btfcore.quilt.extend import extensions
 from btfcore.quilt.fitting import Cut, fit, near_bare
 from btfcore.quilt.literal import RotatedMatcher
