@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from PyQt6.QtCore import QObject, pyqtSignal
 
 from btfcore.files.surface import ExportSurface
-from btfcore.pipeline import Prepared
 from btfcore.quilt.measure import SeamMeasures
 from btfcore.quilt.parameters import QuiltParameters
-from btfcore.types import I4, ImportReport, Mesh, Quilt, Sample
+from btfcore.types import I4, ImportReport, Mesh, Prepared, Quilt, Sample
 
 U1 = NDArray[np.uint8]
 RATES = (256, 512, 1024, 2048)

@@ -29,6 +29,14 @@ class InvalidParameter(PatinaError):
     """A knob outside its range."""
 
 
+class InvalidEdit(PatinaError):
+    """An edit (stroke, area, stamp …) that makes no sense or does not fit the surface."""
+
+
+class InvalidProject(PatinaError):
+    """A project file that cannot be read, or contradicts itself."""
+
+
 class InvalidQuilt(PatinaError):
     """A stored quilting map that cannot be read or contradicts itself."""
 
@@ -43,6 +51,10 @@ class GuardedFailure(PatinaError):
 
 class OutputFailed(PatinaError):
     """A result could not be written; nothing was left under the final name."""
+
+
+class ProjectChanged(OutputFailed):
+    """The project on disk is not the one that was opened; it was not overwritten."""
 
 
 class Cancelled(Exception):  # noqa: N818 - a request of the user, not an error

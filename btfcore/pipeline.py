@@ -16,7 +16,7 @@ from btfcore.phases import PhaseClock
 from btfcore.progress import Progress, between, silent
 from btfcore.quilt.parameters import QuiltParameters
 from btfcore.regions import Plan, RegionSamples, plan_samples
-from btfcore.types import Atlas, DenseMesh, Field, ImportReport, Mesh, Quilt, Sample
+from btfcore.types import ImportReport, Mesh, Prepared, Quilt, Sample
 
 if TYPE_CHECKING:
     from btfcore.btf.weights import Weights
@@ -26,16 +26,6 @@ if TYPE_CHECKING:
     from btfcore.quilt.synthesize import Synthesizer
 
 SMALLEST_RATE, LARGEST_RATE = 16, 8192
-
-
-@dataclass(frozen=True, eq=False)
-class Prepared:
-    """A mesh ready to be decorated: its atlas, dense mesh and orientation field."""
-
-    mesh: Mesh
-    atlas: Atlas
-    dense: DenseMesh
-    field: Field
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from btfcore import __version__
-from btfcore.pipeline import Decorated, Prepared
-from btfcore.types import DenseMesh, Mesh
+from btfcore.pipeline import Decorated
+from btfcore.types import DenseMesh, Mesh, Prepared
 
 LIBRARIES = ("numpy", "scipy", "numba", "PyMaxflow", "xatlas", "libigl", "trimesh", "pillow")
 

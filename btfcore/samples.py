@@ -10,10 +10,13 @@ import numpy as np
 
 from btfcore.btf.appearance import quilting_sample
 from btfcore.btf.directions import to_angles
+from btfcore.btf.feature import check_mask, flat_fielded, prepared
+from btfcore.btf.image import read_mask
 from btfcore.btf.sample import BtfSample, Encoding
+from btfcore.btf.stack import ArrayStack
 from btfcore.btf.weights import Weights
 from btfcore.errors import InvalidBtf
-from btfcore.files.samples import open_sample, read_pbr_sized
+from btfcore.files.samples import DEFAULT_LAYOUT, open_sample, read_pbr_sized
 from btfcore.progress import Progress, between, silent
 from btfcore.types import F8, Sample
 
@@ -227,3 +230,42 @@ def load_quilting_sample(
         sample, view_weights=view_weights, light_weights=light_weights, progress=progress
     )
     return ready, sample.notes
+
+
+def load_paint_sample(
+    path: str | Path,
+    mask: str | Path | None = None,
+    *,
+    flat: bool = False,
+    layout: str | Path = DEFAULT_LAYOUT,
+    size: int | None = None,
+    progress: Progress = silent,
+) -> tuple[BtfSample, tuple[str, ...]]:
+    """Open a sample of any kind for painting, its feature's mask prepared, and notes.
+
+    mask : an image file (grey, colours or with alpha; above ½ is feature) of the sample's size;
+    None takes the mask that the sample came with, if any. It is made ready as
+    `btfcore.btf.feature.prepared` says. flat : take slow gradients of the lighting out of an
+    ordinary picture (`flat_fielded`). layout, size : see `btfcore.files.samples.open_sample`.
+
+    Raises as `open_sample` does, and `InvalidImage` for a mask that cannot be read, has another
+    size than the sample (both are named), or is empty or full (with its share).
+    """
+    sample = open_sample(path, layout=layout, size=size, progress=between(progress, 0.0, 0.8))
+    notes = list(sample.notes)
+    drawn, name = sample.mask, sample.name
+    if mask is not None:
+        name = Path(mask).name
+        drawn = read_mask(mask, progress=between(progress, 0.8, 1.0))
+    if drawn is not None:
+        check_mask(name, drawn, sample.shape)
+        feature = prepared(drawn, name=name)
+        notes += feature.notes
+        sample = replace(sample, mask=feature.mask)
+    if flat and sample.is_image:
+        even = flat_fielded(sample.image(0, 0), sample.mask)
+        sample = replace(sample, stack=ArrayStack(even[None], sound=True), factors=None)
+    elif flat:
+        notes.append("lighting is evened out in ordinary pictures only")
+    sample = replace(sample, notes=tuple(notes))
+    return sample, sample.notes

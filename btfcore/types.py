@@ -103,18 +103,30 @@ class Field(Frozen):
 
 
 @dataclass(frozen=True, eq=False)
+class Prepared:
+    """A mesh ready to be decorated: its atlas, dense mesh and orientation field."""
+
+    mesh: Mesh
+    atlas: Atlas
+    dense: DenseMesh
+    field: Field
+
+
+@dataclass(frozen=True, eq=False)
 class Sample(Frozen):
     """A texture sample: colour (H, W, 3) f4, sRGB-coded 0–1, and what it is matched by.
 
     channels : (H, W, K) f4, coordinates in which Euclidean distance is the sample's own
     distance (for an image: its sRGB colours; for a BTF: weighted factors).
     tiles : the sample's opposite borders fit each other.
+    mask : (H, W) f4 in 0–1, the feature S_f (an imperfection; Zhou §IV-A), or None.
     """
 
     name: str
     colour: F4
     channels: F4
     tiles: bool = False
+    mask: F4 | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -77,6 +77,7 @@ FLOORS = {
 BESIDE = {
     ("btfcore.guard", "btfcore.errors"),
     ("btfcore.guard", "btfcore.progress"),
+    ("btfcore.paint", "btfcore.quilt"),
     ("btfcore.field", "btfcore.clusters"),
     ("btfcore.field", "btfcore.upright"),
     ("btfcore.upright", "btfcore.clusters"),

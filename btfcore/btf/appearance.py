@@ -47,7 +47,7 @@ def quilting_sample(
 
     The channels are the geometry maps times their singular values, so that distances are
     those of the (coded) BTF itself (Zhou §III-B). A sample that came factorised is not
-    factorised again; an ordinary picture keeps its three colours.
+    factorised again; an ordinary picture keeps its three colours. The mask is handed on.
 
     view_weights, light_weights : how much each direction counts in the distances, see
     `btfcore.btf.weights.direction_weights`; the square of a distance is then the mean over the
@@ -58,7 +58,7 @@ def quilting_sample(
     lights = direction_weights(light_weights, sample.lights, name=sample.name, kind="light")
     colours = frontal_colours(sample)
     if sample.is_image:
-        return Sample(sample.name, colours, colours, sample.tiles)
+        return Sample(sample.name, colours, colours, sample.tiles, sample.mask)
     factors = sample.factors
     if factors is None:
         from btfcore.btf.factor.svd import factorize
@@ -71,7 +71,7 @@ def quilting_sample(
         channels = factors.weights * np.float32(1 / np.sqrt(sample.images))
     else:
         channels = _weighted(sample, factors, views, lights)
-    return Sample(sample.name, colours, channels, sample.tiles)
+    return Sample(sample.name, colours, channels, sample.tiles, sample.mask)
 
 
 def _weighted(sample: BtfSample, factors: BtfFactors, views: F8 | None, lights: F8 | None) -> F4:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from btfcore.errors import GuardedFailure, InvalidImage, PatinaError
 from btfcore.guard import run_guarded
 from btfcore.progress import Progress, silent
-from btfcore.types import Sample
+from btfcore.types import F4, Sample
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".tga")
 MOST_PIXELS = 1 << 28
@@ -49,6 +49,32 @@ def read_image_notes(
     if isinstance(result, PatinaError):
         raise result
     return result
+
+
+def read_mask(
+    path: str | Path, *, limit_s: float = 60, limit_mb: int = 8192, progress: Progress = silent
+) -> F4:
+    """Read an image file as a mask (H, W) f4 in 0–1.
+
+    A colour counts as its greatest channel, so that red on black is a mask; what is transparent
+    is 0. Where all that is opaque is black, the mask is what is opaque. Raises as
+    `read_image_notes` does.
+    """
+    file = Path(path)
+    over_black = _over(file, 0, limit_s, limit_mb, progress)
+    if float(over_black.max()) > 0.5:
+        return over_black
+    # black on white is its own negative; on a transparent ground it is the mask
+    over_white = _over(file, 255, limit_s, limit_mb, progress)
+    return over_black if np.array_equal(over_black, over_white) else 1 - over_white
+
+
+def _over(file: Path, ground: int, limit_s: float, limit_mb: int, progress: Progress) -> F4:
+    """Greatest channel of an image whose transparent parts are laid over `ground` (0–255)."""
+    (result,) = _read([file], WORKING_PIXELS, None, limit_s, limit_mb, progress, ground)
+    if isinstance(result, PatinaError):
+        raise result
+    return np.ascontiguousarray(result[0].colour.max(axis=2))
 
 
 def read_images(
@@ -98,6 +124,7 @@ def _read(
     limit_s: float,
     limit_mb: int,
     progress: Progress,
+    ground: int | None = None,
 ) -> list[tuple[Sample, tuple[str, ...]] | PatinaError]:
     """Check the files, decode what is left in one child; halve the lot where that dies."""
     results: list[tuple[Sample, tuple[str, ...]] | PatinaError | None] = []
@@ -110,7 +137,7 @@ def _read(
     open_places = [place for place, result in enumerate(results) if result is None]
     if open_places:
         chosen = [files[place] for place in open_places]
-        decoded = _decode(chosen, working, max_side, limit_s, limit_mb, progress)
+        decoded = _decode(chosen, working, max_side, limit_s, limit_mb, progress, ground)
         for place, item in zip(open_places, decoded, strict=True):
             results[place] = item
     return [result for result in results if result is not None]
@@ -123,6 +150,7 @@ def _decode(
     limit_s: float,
     limit_mb: int,
     progress: Progress,
+    ground: int | None,
 ) -> list[tuple[Sample, tuple[str, ...]] | PatinaError]:
     label = f"reading {files[0].name}" if len(files) == 1 else f"reading {len(files)} images"
     options = {
@@ -131,6 +159,8 @@ def _decode(
         "working": working,
         "max_side": max_side,
     }
+    if ground is not None:
+        options["ground"] = ground
     try:
         arrays, answer = run_guarded(
             "btfcore.btf.pillow_door:decode",
@@ -145,7 +175,7 @@ def _decode(
         if len(files) == 1:
             return [GuardedFailure(f"{files[0].name}: {error}")]
         half = len(files) // 2
-        knobs = (working, max_side, limit_s, limit_mb, progress)
+        knobs = (working, max_side, limit_s, limit_mb, progress, ground)
         return _decode(files[:half], *knobs) + _decode(files[half:], *knobs)
     results: list[tuple[Sample, tuple[str, ...]] | PatinaError] = []
     for place, (file, entry) in enumerate(zip(files, answer["images"], strict=True)):

@@ -33,7 +33,8 @@ def decode(arrays: Arrays, options: Options) -> tuple[Arrays, Options]:
     """Guarded task: decode options["paths"] one by one.
 
     options: "most" pixels that are decoded at all, "working" pixels above which an image is
-    reduced, "max_side" or None. Returns arrays "0", "1", … for the images that could be read,
+    reduced, "max_side" or None, "ground" or not: the value 0–255 that transparent parts are laid
+    over, instead of mid-grey. Returns arrays "0", "1", … for the images that could be read,
     (H, W, 3) or grey (H, W), u1 or u2 or f4 in 0–1, and options["images"]: a dictionary per
     path with "notes" or "error".
     """
@@ -73,7 +74,7 @@ def _decode(path: Path, options: Options, notes: list[str]) -> NDArray[Any]:
     image = ImageOps.exif_transpose(image)
     if image.mode in _DEEP:
         return _shrunk_deep(_deep(image, notes), options, notes)
-    image = _opaque(image, notes)
+    image = _opaque(image, notes, options.get("ground", _MIDDLE))
     grey = image.mode in ("1", "L")
     image = _shrunk(image.convert("L") if image.mode == "1" else image, options, notes)
     if profile:
@@ -152,8 +153,8 @@ def _open(source: Path | bytes, suffix: str) -> Image.Image:
         raise InvalidImage(f"its {kind[0]} header makes no sense") from error
 
 
-def _opaque(image: Image.Image, notes: list[str]) -> Image.Image:
-    """Resolve palettes, and lay transparent parts over mid-grey."""
+def _opaque(image: Image.Image, notes: list[str], value: int) -> Image.Image:
+    """Resolve palettes, and lay transparent parts over the grey `value`."""
     if image.mode in ("P", "PA"):
         image = image.convert("RGBA" if "transparency" in image.info else "RGB")
     elif "transparency" in image.info and image.mode in ("1", "L", "RGB"):
@@ -167,8 +168,9 @@ def _opaque(image: Image.Image, notes: list[str]) -> Image.Image:
     if alpha.getextrema()[0] == 255:
         notes.append("ignored its alpha channel, which is opaque everywhere")
         return plain
-    notes.append("laid its transparent parts over mid-grey")
-    ground = Image.new(plain.mode, plain.size, (_MIDDLE,) * len(plain.getbands()))
+    named = "mid-grey" if value == _MIDDLE else f"the grey {value}"
+    notes.append(f"laid its transparent parts over {named}")
+    ground = Image.new(plain.mode, plain.size, (value,) * len(plain.getbands()))
     return Image.composite(plain, ground, alpha)
 
 

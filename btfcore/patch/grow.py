@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from btfcore.types import I4
 
@@ -51,3 +52,33 @@ def release(order: I4, local: I4) -> None:
     """Reset `local` to -1 for the vertices of a patch."""
     for vertex in order:
         local[vertex] = -1
+
+
+@njit(cache=True)
+def near_levels(
+    indptr: I4, indices: I4, order: I4, local: I4, inside: NDArray[np.bool_], levels: int
+) -> NDArray[np.bool_]:
+    """Which vertices (n,) of a patch lie within `levels` levels of those `inside` (n,)."""
+    count = len(order)
+    near = inside.copy()
+    queue = np.empty(count, np.int32)
+    depth = np.zeros(count, np.int32)
+    tail, head = 0, 0
+    for here in range(count):
+        if near[here]:
+            queue[tail] = here
+            tail += 1
+    while head < tail:
+        here = queue[head]
+        head += 1
+        if depth[here] == levels:
+            continue
+        vertex = order[here]
+        for slot in range(indptr[vertex], indptr[vertex + 1]):
+            other = local[indices[slot]]
+            if other >= 0 and not near[other]:
+                near[other] = True
+                depth[other] = depth[here] + 1
+                queue[tail] = other
+                tail += 1
+    return near

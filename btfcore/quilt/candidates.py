@@ -12,9 +12,10 @@ from btfcore.patch.distortion import field_directions
 from btfcore.patch.flatten import FlatPatch, Flattener
 from btfcore.patch.resample import look_up, work_image
 from btfcore.quilt.appearance import appearance
+from btfcore.quilt.background import Room
 from btfcore.quilt.colour_matching import ColourMatcher
 from btfcore.quilt.extend import extensions
-from btfcore.quilt.fitting import Cut, fit, near_bare
+from btfcore.quilt.fitting import Cut, barred_places, fit, near_bare
 from btfcore.quilt.literal import RotatedMatcher
 from btfcore.quilt.matching import Matcher, Placement
 from btfcore.quilt.measure import seam_edges_around
@@ -90,6 +91,12 @@ class CandidateFinder:
         if parameters.reuse > 0.0:
             sizes = [grid.cut.shape[:2] for grid in sheet.grids]
             self._reuses = [Reuse(high, wide, parameters.reuse) for high, wide in sizes]
+        self.rooms: list[Room | None] = [None] * len(sheet.grids)
+        if len(sheet.barred):
+            self.rooms = [
+                Room(sheet.barred_of(index), grid.random_difference**2)
+                for index, grid in enumerate(sheet.grids)
+            ]
         self._take(0)
         self._random = np.random.default_rng(parameters.seed)
 
@@ -97,7 +104,7 @@ class CandidateFinder:
         """Place sample `mine` from now on."""
         self.mine, self.grid = mine, self.sheet.grids[mine]
         self._matcher, self._rotated = self._matchers[mine]
-        self._reuse = self._reuses[mine]
+        self._reuse, self._room = self._reuses[mine], self.rooms[mine]
 
     def best(self, patch: FlatPatch, running: float) -> Candidate:
         """Match and cut; the cheapest of the placements tried.
@@ -120,7 +127,8 @@ class CandidateFinder:
         if not self.parameters.literal and len(patch.order) <= self.parameters.carry_on:
             for placement in self._extended(patch, plane):
                 best = self._cheaper(best, lay, placement, running)
-        if best is None or best.score > DEAR * running * int(bare.sum()):
+        stopped = self._room is not None and best is not None and best.cut.missed > 0
+        if best is None or stopped or best.score > DEAR * running * int(bare.sum()):
             placements = self._placements(patch, plane, heading)
             if self.state.layout is not None and not self.parameters.literal:
                 placements += self._beside_others(patch, plane)
@@ -155,6 +163,11 @@ class CandidateFinder:
         )  # fmt: skip
         self.cuts += 1
         score = cut.flow + running * cut.missed
+        if self._room is not None and cut.missed:
+            # what is missed beside a feature is a hole, whose rim is a seam sooner or later;
+            # covering nothing at no cost would only leave it to be filled by force
+            rim = np.sqrt(4 * np.pi * cut.missed) if cut.gained else np.inf
+            score += 2 * self.grid.texel_difference * float(rim)
         if best is not None and score >= best.score:
             return best
         angle = -np.angle(lay.direction * rotation[: patch.inner])
@@ -180,12 +193,13 @@ class CandidateFinder:
                     image, mask = self._work_image(patch, plane * np.exp(1j * angle), known, values)
                     for at in self._matcher.match(
                         image, mask, most=knobs.placements, overlap=knobs.overlap,
-                        margin=knobs.margin,
-                        penalty=None if self._reuse is None else self._reuse.penalty(),
+                        margin=knobs.margin, penalty=self._penalty(plane),
                     ):  # fmt: skip
                         found.append(Placement(at.column, at.row, at.cost, float(angle)))
         if not found:
             height, width = self.grid.cut.shape[:2]
+            if self._room is not None:
+                return [Placement(*self._room.start(float(self._random.random())), 0.0)]
             x, y = 0.35 + 0.3 * self._random.random(2)
             # whole texels: what is copied verbatim stays as sharp as the sample
             return [Placement(float(round(x * (width - 1))), float(round(y * (height - 1))), 0.0)]
@@ -199,6 +213,15 @@ class CandidateFinder:
         radius = _radius(points)
         points, values = points[known], values[known]
         return [self._registered(points, radius, values, placement) for placement in found]
+
+    def _penalty(self, plane: C16) -> F8 | None:
+        """What makes a place of the sample dear (h, w), besides how the patch fits there."""
+        penalty = None if self._reuse is None else self._reuse.penalty()
+        if self._room is None:
+            return penalty
+        # half of the patch lies within 0.7 of its radius, about the half side of the square
+        barred = self._room.penalty(0.7 * _radius(plane / self.grid.unit))
+        return barred if penalty is None else penalty + barred
 
     def _extended(self, patch: FlatPatch, plane: C16) -> list[Placement]:
         """Placements that carry on the patches around, centred inside the sample."""
@@ -218,6 +241,11 @@ class CandidateFinder:
         """Shift, turn and slightly warp a placement to where it fits best."""
         start = np.array([at.column, at.row, at.turn, *at.warp])
         knobs = self.parameters
+        if self._room is not None:
+            # what falls on a feature is not taken, so need not fit
+            there = warped(points, start, radius)[0].astype(np.float32)
+            free = ~barred_places(self.sheet.barred, self.sheet.frames[self.mine], there)
+            points, values = points[free], values[free]
         warp, cost = fit_warp(
             self.grid.match, points, values, start, radius, REACH, np.radians(knobs.sway),
             knobs.give, ROUNDS,

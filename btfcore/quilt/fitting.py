@@ -60,15 +60,16 @@ def fit(
 
     Where several samples share the surface, grid holds them all, owner (N,) u2 is the sample
     of every synthesised vertex, `mine` the patch's, and allowed (N,) bool says which vertices
-    may take it.
+    may take it. Placements on texels that the sheet bars count as not covered.
     """
     sheet = grid if isinstance(grid, Sheet) else single(grid)
     owner = np.zeros(1, np.uint16) if owner is None else owner
     allowed = ANYWHERE if allowed is None else allowed
     height, width = sheet.frames[mine, 1], sheet.frames[mine, 2]
     inside, covered, node, count = _nodes(
-        indptr, indices, order, inner, local, place, patch, allowed, height, width, band
-    )
+        indptr, indices, order, inner, local, place, patch, allowed, height, width, band,
+        sheet.barred, sheet.frames[mine, 0],
+    )  # fmt: skip
     bare = patch[order[:inner]] < 0
     fresh = bare & covered[:inner]
     gained = int(fresh.sum())
@@ -91,7 +92,7 @@ def fit(
 
 @njit(cache=True)
 def _nodes(  # type: ignore[no-untyped-def]
-    indptr, indices, order, inner, local, place, patch, allowed, height, width, band
+    indptr, indices, order, inner, local, place, patch, allowed, height, width, band, barred, top
 ):
     """Which vertices lie inside the sample, are covered, and are graph nodes."""
     count = len(order)
@@ -101,6 +102,8 @@ def _nodes(  # type: ignore[no-untyped-def]
         x, y = place[here, 0], place[here, 1]
         inside[here] = x >= 0.0 and y >= 0.0 and x <= width - 1 and y <= height - 1
         covered[here] = inside[here] and (len(allowed) == 0 or allowed[order[here]])
+        if len(barred) and covered[here]:
+            covered[here] = not barred_at(barred, top, height, width, x, y)
     node = np.full(count, OLD, np.int32)
     queue = np.empty(inner, np.int32)
     depth = np.full(inner, -1, np.int32)
@@ -131,6 +134,34 @@ def _nodes(  # type: ignore[no-untyped-def]
                 queue[tail] = other
                 tail += 1
     return inside, covered, node, nodes
+
+
+@njit(cache=True)
+def barred_at(barred, top, height, width, x, y):  # type: ignore[no-untyped-def]
+    """Whether the bilinear value at (column x, row y) has part of a barred texel.
+
+    barred (Σh, w) bool of a sheet, of which the sample's part begins at row `top`.
+    """
+    x, y = min(max(x, 0.0), width - 1.0), min(max(y, 0.0), height - 1.0)
+    column, row = int(x), int(y)
+    right = column + 1 if x > column else column
+    below = row + 1 if y > row else row
+    row, below = top + row, top + below
+    return (
+        barred[row, column] or barred[row, right] or barred[below, column] or barred[below, right]
+    )
+
+
+@njit(cache=True)
+def barred_places(barred: NDArray[np.bool_], frame: I4, place: F4) -> NDArray[np.bool_]:
+    """Which positions (n, 2) f4 of the sample with `frame` (4,) are barred, see `barred_at`."""
+    out = np.zeros(len(place), np.bool_)
+    if len(barred):
+        for here in range(len(place)):
+            out[here] = barred_at(
+                barred, frame[0], frame[1], frame[2], place[here, 0], place[here, 1]
+            )
+    return out
 
 
 @njit(cache=True)
@@ -168,8 +199,8 @@ def near_bare(
 def _distance(sheet, colour, frames, a, ax, ay, b, bx, by):  # type: ignore[no-untyped-def]
     """Distance of the bilinear values at two positions, clamped at the border.
 
-    `a` and `b` are the samples of the two: channels of different samples mean different
-    things, so there colours are compared.
+    `a` and `b` are the samples of the two: channels of different samples may mean different
+    things, so there `colour` is compared.
     """
     if len(frames) == 1:
         a, b = 0, 0
@@ -187,7 +218,7 @@ def _distance(sheet, colour, frames, a, ax, ay, b, bx, by):  # type: ignore[no-u
     a00, a01, a10, a11 = (1 - afx) * (1 - afy), afx * (1 - afy), (1 - afx) * afy, afx * afy
     b00, b01, b10, b11 = (1 - bfx) * (1 - bfy), bfx * (1 - bfy), (1 - bfx) * bfy, bfx * bfy
     grid = sheet if a == b else colour
-    channels = frames[a, 3] if a == b else 3
+    channels = frames[a, 3] if a == b else colour.shape[2]
     total = 0.0
     for k in range(channels):
         va = (

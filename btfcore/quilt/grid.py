@@ -47,16 +47,8 @@ def sample_grid(sample: Sample, *, scale: float = 1.0, match_channels: int = 4) 
 
     Raises `InvalidImage` where less than 2 × 2 texels are left.
     """
-    channels = sample.channels
-    height, width = channels.shape[:2]
     shrink = min(scale, 1.0)
-    if shrink < 1.0:
-        channels = _reduced(channels, shrink)
-    if min(channels.shape[:2]) < 2:
-        raise InvalidImage(
-            f"sample {sample.name!r} of {width} x {height} texels at scale {scale:g} leaves"
-            f" {channels.shape[1]} x {channels.shape[0]}; quilting needs at least 2 x 2"
-        )
+    channels = reduced_channels(sample, scale)
     cut = _without_copies(channels)
     cut = np.ascontiguousarray(cut - cut.mean(axis=(0, 1), dtype=np.float64), np.float32)
     near, far = differences(cut)
@@ -67,6 +59,41 @@ def sample_grid(sample: Sample, *, scale: float = 1.0, match_channels: int = 4) 
 def colour_grid(sample: Sample, grid: SampleGrid) -> F4:
     """Colours (h, w, 3) f4 of `sample` on its grid."""
     return sample.colour if grid.shrink == 1.0 else _reduced(sample.colour, grid.shrink)
+
+
+def reduced_channels(sample: Sample, scale: float) -> F4:
+    """Channels (h, w, K) f4 of `sample` for a pattern `scale` times its natural size.
+
+    Raises `InvalidImage` where less than 2 × 2 texels are left.
+    """
+    channels = sample.channels
+    height, width = channels.shape[:2]
+    if scale < 1.0:
+        channels = _reduced(channels, scale)
+    if min(channels.shape[:2]) < 2:
+        raise InvalidImage(
+            f"sample {sample.name!r} of {width} x {height} texels at scale {scale:g} leaves"
+            f" {channels.shape[1]} x {channels.shape[0]}; quilting needs at least 2 x 2"
+        )
+    return channels
+
+
+def mask_grid(sample: Sample, scale: float) -> F4:
+    """Feature (h, w) f4 of `sample` on its grid; 0 where it has none.
+
+    Raises `InvalidImage` for a mask of another size than the sample's.
+    """
+    size = sample.channels.shape[:2]
+    if sample.mask is None:
+        return np.zeros([max(int(side * min(scale, 1.0) + 1e-9), 0) for side in size], np.float32)
+    if sample.mask.shape != size:
+        raise InvalidImage(
+            f"sample {sample.name!r}: a mask of {sample.mask.shape[1]} x {sample.mask.shape[0]}"
+            f" texels for {size[1]} x {size[0]}"
+        )
+    if scale >= 1.0:
+        return sample.mask
+    return np.ascontiguousarray(_reduced(sample.mask[..., None], scale)[..., 0])
 
 
 def _reduced(channels: F4, shrink: float) -> F4:

@@ -37,13 +37,14 @@ class Placement:
 class Matcher:
     """Answers many matchings against one sample; its spectra are computed once per size."""
 
-    def __init__(self, grid: SampleGrid, *, workers: int = 1) -> None:
-        """Prepare for `grid`; `workers` threads transform the channels of one image."""
+    def __init__(self, grid: SampleGrid, *, workers: int = 1, factor: int | None = None) -> None:
+        """Prepare for `grid`; `workers` threads transform the channels of one image.
+
+        factor: side in texels of the reduced grid's pixels, None: by the sample's size.
+        """
         self.grid = grid
         self.workers = workers
-        self.factor = 1 if min(grid.match.shape[:2]) <= LARGE else 2
-        if min(grid.match.shape[:2]) > 2 * LARGE:
-            self.factor = 4
+        self.factor = factor or natural_factor(grid)
         self._match = _reduced(grid.match, self.factor)
         self._spectra: dict[tuple[int, int], tuple[C8, C8]] = {}
 
@@ -84,6 +85,10 @@ class Matcher:
         ssd += _window_sums(power_here, height, width)
         return np.maximum(ssd, 0.0) / np.maximum(count, 1e-3), count
 
+    def reduced(self, image: F4, mask: F4) -> tuple[F4, F4]:
+        """Work image (k, w, w) and mask (w, w) on the reduced grid, as `costs` wants them."""
+        return (image, mask) if self.factor == 1 else _reduced_image(image, mask, self.factor)
+
     def match(
         self,
         image: F4,
@@ -102,13 +107,9 @@ class Matcher:
         texels inside the sample; where none can, both are relaxed step by step.
         """
         factor = self.factor
-        if factor > 1:
-            small, weight = _reduced_image(image, mask, factor)
-            costs, count = self.costs(small, weight)
-            total = float(weight.sum())
-        else:
-            costs, count = self.costs(image, mask)
-            total = float(mask.sum())
+        small, weight = self.reduced(image, mask)
+        costs, count = self.costs(small, weight)
+        total = float(weight.sum())
         height, width = costs.shape
         if penalty is not None:
             costs = costs + penalty[::factor, ::factor][:height, :width]
@@ -131,6 +132,12 @@ class Matcher:
             if len(found):
                 return [Placement(float(c), float(r), float(costs[r, c])) for r, c in found]
         return []
+
+
+def natural_factor(grid: SampleGrid) -> int:
+    """Texels a side of the pixels on which a sample is searched first: 1 for small samples."""
+    side = min(grid.match.shape[:2])
+    return 1 if side <= LARGE else 2 if side <= 2 * LARGE else 4
 
 
 def _reduced(values: F4, factor: int) -> F4:

@@ -44,6 +44,8 @@ class QuiltParameters:
     border : levels that a sample may reach across a soft border into its neighbour's region.
     margin : distance in texels of the patch's centre to the sample's border.
     match_channels : principal channels used in matching, at most.
+    features : whether features (see `btfcore.types.Sample.mask`) are synthesised like all else;
+        without them only the background S_b of every sample is.
     literal : the paper's way in every step.
     """
 
@@ -69,6 +71,7 @@ class QuiltParameters:
     margin: float = 24.0
     match_channels: int = 4
     border: int = 12
+    features: bool = True
     literal: bool = False
 
     def __post_init__(self) -> None:

@@ -14,7 +14,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from btfcore.mincut import minimum_cut
-from btfcore.types import F4, F8, I4
+from btfcore.quilt.metric import distance, half_edge
+from btfcore.quilt.sheet import Sheet, single
+from btfcore.types import F4, F8, I4, U2
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +42,11 @@ def recut(
     patch: I4,
     source: F4,
     ghost: F4,
-    grid: F4,
+    grid: F4 | Sheet,
     bias: F8,
+    *,
+    owner: U2 | None = None,
+    mine: int = 0,
 ) -> Recut:
     """Cut `place` (n, 2) f4 (grid coordinates of the patch's vertices) into the quilt.
 
@@ -50,8 +55,13 @@ def recut(
     grid coordinates; grid (h, w, K): the channels that distances are taken in; bias (inner,)
     f8: what else it costs a vertex to turn new, below 0 where it gains. Bare vertices stay bare
     and cost nothing; where `place` leaves the sample, the old value stays.
+
+    Where several samples share the surface, grid holds them all, owner (N,) u2 is the sample
+    of every synthesised vertex, and `mine` the patch's.
     """
-    height, width = grid.shape[:2]
+    sheet = grid if isinstance(grid, Sheet) else single(grid)
+    owner = np.zeros(1, np.uint16) if owner is None else owner
+    height, width = sheet.frames[mine, 1], sheet.frames[mine, 2]
     inside = (place >= 0).all(axis=1) & (place[:, 0] <= width - 1) & (place[:, 1] <= height - 1)
     old = inside & (patch[order] >= 0)
     old[inner:] = False
@@ -61,8 +71,9 @@ def recut(
     if count == 0:
         return Recut(fresh, 0.0, 0.0)
     tail, head, capacity, keep, change = _graph(
-        indptr, indices, order, inner, local, place, patch, source, ghost, grid, node, count
-    )
+        indptr, indices, order, inner, local, place, patch, source, ghost,
+        sheet.cut, sheet.colour, sheet.frames, owner, mine, node, count,
+    )  # fmt: skip
     bias = bias[old[:inner]]
     keep[:count] += np.maximum(-bias, 0.0)
     change[:count] += np.maximum(bias, 0.0)
@@ -74,12 +85,14 @@ def recut(
 
 @njit(cache=True)
 def _graph(  # type: ignore[no-untyped-def]
-    indptr, indices, order, inner, local, place, patch, source, ghost, grid, node, count
-):
+    indptr, indices, order, inner, local, place, patch, source, ghost,
+    sheet, colour, frames, owner, fresh, node, count,
+):  # fmt: skip
     """Edges and terminal capacities; a node per old seam follows the vertex nodes.
 
     keep: cost of staying old; change: cost of turning new.
     """
+    several = len(frames) > 1
     slots = 0
     for here in range(inner):
         if node[here] >= 0:
@@ -90,27 +103,44 @@ def _graph(  # type: ignore[no-untyped-def]
     change = np.zeros(count + slots // 2 + 1, np.float64)
     own = np.zeros(len(order), np.float64)  # ‖A − B‖ at the vertex itself
     for here in range(len(order)):
-        if patch[order[here]] >= 0:
-            own[here] = distance(grid, source[order[here]], place[here])
+        v = order[here]
+        if patch[v] >= 0:
+            own[here] = distance(
+                sheet, colour, frames, owner[v] if several else 0, source[v, 0], source[v, 1],
+                fresh, place[here, 0], place[here, 1],
+            )  # fmt: skip
     edges, seams = 0, 0
     for here in range(inner):
         me = node[here]
         if me < 0:
             continue
         p = order[here]
+        a = owner[p] if several else 0
         for slot in range(indptr[p], indptr[p + 1]):
             q = indices[slot]
             other = local[q]
+            b = owner[q] if several else 0
             if patch[q] < 0 or (node[other] >= 0 and other < here):
                 continue
             mine = theirs = own[here] + own[other]  # V where only q, or only p, is new
             was = 0.0
             if patch[p] != patch[q]:
                 back = half_edge(indptr, indices, q, p)
-                was = distance(grid, ghost[back], source[p])
-                was += distance(grid, ghost[slot], source[q])
-                mine = own[here] + distance(grid, ghost[slot], place[other])
-                theirs = own[other] + distance(grid, ghost[back], place[here])
+                was = distance(
+                    sheet, colour, frames, b, ghost[back, 0], ghost[back, 1],
+                    a, source[p, 0], source[p, 1],
+                ) + distance(
+                    sheet, colour, frames, a, ghost[slot, 0], ghost[slot, 1],
+                    b, source[q, 0], source[q, 1],
+                )  # fmt: skip
+                mine = own[here] + distance(
+                    sheet, colour, frames, a, ghost[slot, 0], ghost[slot, 1],
+                    fresh, place[other, 0], place[other, 1],
+                )  # fmt: skip
+                theirs = own[other] + distance(
+                    sheet, colour, frames, b, ghost[back, 0], ghost[back, 1],
+                    fresh, place[here, 0], place[here, 1],
+                )  # fmt: skip
             if node[other] < 0:  # q keeps its old value whatever happens
                 keep[me] += was
                 change[me] += theirs
@@ -128,54 +158,47 @@ def _graph(  # type: ignore[no-untyped-def]
     return tail[:edges], head[:edges], capacity[:edges], keep[:total], change[:total]
 
 
-@njit(cache=True)
-def half_edge(indptr: I4, indices: I4, tail: int, head: int) -> int:
-    """Slot of the half-edge tail→head; -1 where there is none."""
-    for slot in range(indptr[tail], indptr[tail + 1]):
-        if indices[slot] == head:
-            return slot
-    return -1
-
-
-@njit(cache=True)
-def distance(grid: F4, a: F4, b: F4) -> float:
-    """Distance of the bilinear values of `grid` (h, w, K) at two (column, row), clamped."""
-    height, width, channels = grid.shape
-    ax, ay = min(max(a[0], 0.0), width - 1.0), min(max(a[1], 0.0), height - 1.0)
-    bx, by = min(max(b[0], 0.0), width - 1.0), min(max(b[1], 0.0), height - 1.0)
-    ac, ar, bc, br = int(ax), int(ay), int(bx), int(by)
-    ac1, ar1 = min(ac + 1, width - 1), min(ar + 1, height - 1)
-    bc1, br1 = min(bc + 1, width - 1), min(br + 1, height - 1)
-    afx, afy, bfx, bfy = ax - ac, ay - ar, bx - bc, by - br
-    a00, a01, a10, a11 = (1 - afx) * (1 - afy), afx * (1 - afy), (1 - afx) * afy, afx * afy
-    b00, b01, b10, b11 = (1 - bfx) * (1 - bfy), bfx * (1 - bfy), (1 - bfx) * bfy, bfx * bfy
-    total = 0.0
-    for k in range(channels):
-        step = (
-            a00 * grid[ar, ac, k] + a01 * grid[ar, ac1, k]
-            + a10 * grid[ar1, ac, k] + a11 * grid[ar1, ac1, k]
-            - b00 * grid[br, bc, k] - b01 * grid[br, bc1, k]
-            - b10 * grid[br1, bc, k] - b11 * grid[br1, bc1, k]
-        )  # fmt: skip
-        total += step * step
-    return np.sqrt(total)
-
-
-@njit(cache=True)
 def vertex_costs(
-    indptr: I4, indices: I4, vertices: I4, patch: I4, source: F4, ghost: F4, grid: F4
+    indptr: I4,
+    indices: I4,
+    vertices: I4,
+    patch: I4,
+    source: F4,
+    ghost: F4,
+    grid: F4 | Sheet,
+    owner: U2 | None = None,
 ) -> F8:
     """Seam cost (len(vertices),) f8 of the half-edges that leave each of `vertices`.
 
     Summed over all vertices it is Σ V_pq; V_pq is shared between the two ends of an edge.
+    grid, owner: see `recut`.
     """
+    sheet = grid if isinstance(grid, Sheet) else single(grid)
+    owner = np.zeros(1, np.uint16) if owner is None else owner
+    return np.asarray(
+        _vertex_costs(
+            indptr, indices, vertices, patch, source, ghost, sheet.cut, sheet.colour,
+            sheet.frames, owner,
+        )
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def _vertex_costs(  # type: ignore[no-untyped-def]
+    indptr, indices, vertices, patch, source, ghost, sheet, colour, frames, owner
+):
+    several = len(frames) > 1
     cost = np.zeros(len(vertices), np.float64)
     for index in range(len(vertices)):
-        vertex = vertices[index]
-        if patch[vertex] < 0:
+        p = vertices[index]
+        if patch[p] < 0:
             continue
-        for slot in range(indptr[vertex], indptr[vertex + 1]):
-            other = indices[slot]
-            if patch[other] >= 0 and patch[other] != patch[vertex]:
-                cost[index] += distance(grid, ghost[slot], source[other])
+        for slot in range(indptr[p], indptr[p + 1]):
+            q = indices[slot]
+            if patch[q] >= 0 and patch[q] != patch[p]:
+                cost[index] += distance(
+                    sheet, colour, frames, owner[p] if several else 0,
+                    ghost[slot, 0], ghost[slot, 1],
+                    owner[q] if several else 0, source[q, 0], source[q, 1],
+                )  # fmt: skip
     return cost

@@ -16,6 +16,7 @@ from btfcore.patch.flatten import FlatPatch
 from btfcore.patch.resample import look_up, work_image
 from btfcore.progress import Progress, between, silent
 from btfcore.quilt.extend import extensions
+from btfcore.quilt.fitting import barred_places
 from btfcore.quilt.matching import Matcher, Placement
 from btfcore.quilt.patches import ON_COURSE, median_direction
 from btfcore.quilt.recut import recut
@@ -259,6 +260,9 @@ class _Refiner:
         bias = self._astray(angle) - self._astray(state.angle[patch.order[: patch.inner]])
         if len(self._rim):
             bias[self._rim[patch.order[: patch.inner]]] = NEVER
+        sheet = self.engine.sheet
+        if len(sheet.barred):
+            bias[barred_places(sheet.barred, sheet.frames[self.mine], place[: patch.inner])] = NEVER
         cut = recut(
             net.indptr, net.indices, patch.order, patch.inner, self._flattener.local, place,
             state.patch, state.source, state.ghost, self.grid.cut, unit * bias,

@@ -145,17 +145,19 @@ class QuiltState:
         place: F4,
         fresh: NDArray[np.bool_],
         angle: F8,
+        sample: int | None = None,
     ) -> I4:
         """Give the `fresh` vertices of a patch their new coordinates.
 
-        place (n, 2) f4 and angle (inner,) as placed. Returns the vertices that were bare.
+        place (n, 2) f4 and angle (inner,) as placed; sample: what was placed, None: the home
+        sample of the patch's first vertex. Returns the vertices that were bare.
         """
         mine = np.flatnonzero(fresh)
         vertices = order[mine]
         was_bare = vertices[self.patch[vertices] < 0]
         self.source[vertices] = place[mine]
         self.angle[vertices] = angle[mine]
-        self.sample[vertices] = self.home(int(order[0]))
+        self.sample[vertices] = self.home(int(order[0])) if sample is None else sample
         self.patch[vertices] = self.patches
         _set_ghosts(net.indptr, net.indices, vertices, local, place, self.ghost)
         self.patches += 1

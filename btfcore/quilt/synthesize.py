@@ -14,6 +14,7 @@ from btfcore.patch.distortion import field_directions
 from btfcore.patch.flatten import SHRINK, SMALLEST, FlatPatch, Flattener
 from btfcore.progress import Progress, between, silent
 from btfcore.quilt.candidates import Candidate, CandidateFinder
+from btfcore.quilt.fitting import barred_places
 from btfcore.quilt.frontier import Frontier
 from btfcore.quilt.grid import SampleGrid
 from btfcore.quilt.layout import Layout
@@ -85,6 +86,7 @@ class Synthesizer:
             samples,
             [parameters.scale * each for each in scales or [1.0] * len(samples)],
             match_channels=None if parameters.literal else parameters.match_channels,
+            features=parameters.features,
         )
         progress(0.8, "preparing the quilt")
         self.state = (
@@ -205,7 +207,12 @@ class Synthesizer:
         turn = field_directions(net.indptr, net.indices, edge, patch.order, 1, local, patch.plane)
         spin = np.exp(-1j * angle) * complex(turn[0, 0], -turn[0, 1]) / grid.unit
         plane = (patch.plane[:, 0] + 1j * patch.plane[:, 1]) * spin
-        place = (at + np.stack([plane.real, -plane.imag], axis=1)).astype(np.float32)
+        offset, room = np.stack([plane.real, -plane.imag], axis=1), self._finder.rooms[mine]
+        place = (at + offset).astype(np.float32)
+        frame = self.sheet.frames[mine]
+        if room is not None and barred_places(self.sheet.barred, frame, place).any():
+            place = np.clip(offset, -room.reach, room.reach) + room.nearest(at)
+            place = place.astype(np.float32)
         place = np.clip(place, np.float32(0), np.array([width - 1, height - 1], np.float32))
         fresh = state.bare_for(patch.order[: patch.inner])
         self.ledger[state.patches] = Entry(

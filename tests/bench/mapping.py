@@ -12,11 +12,11 @@ from scipy.spatial import cKDTree
 from btfcore.mesh.topology import vertex_normals
 from btfcore.patch.connectivity import Connectivity
 from btfcore.patch.resample import look_up
-from btfcore.pipeline import Prepared, load_mesh, prepare, synthesizer
+from btfcore.pipeline import load_mesh, prepare, synthesizer
 from btfcore.quilt.grid import SampleGrid, sample_grid
 from btfcore.quilt.parameters import QuiltParameters
 from btfcore.quilt.state import QuiltState
-from btfcore.types import F8, DenseMesh, Quilt, Sample
+from btfcore.types import F8, DenseMesh, Prepared, Quilt, Sample
 from tests.bench.inputs import find, found, present, quilting_sample, warm_up
 from tests.bench.pattern import Mapping as TriangleMapping
 from tests.bench.pattern import PatternMapper, jumps

@@ -7,10 +7,10 @@ from dataclasses import astuple, dataclass, fields, replace
 import numpy as np
 
 from btfcore.phases import PhaseClock
-from btfcore.pipeline import Prepared, load_mesh, load_sample, prepare, synthesizer
+from btfcore.pipeline import load_mesh, load_sample, prepare, synthesizer
 from btfcore.quilt.measure import measure_seams
 from btfcore.quilt.parameters import QuiltParameters
-from btfcore.types import Sample
+from btfcore.types import Prepared, Sample
 from tests.bench.inputs import find, found, present, warm_up
 from tests.bench.measures import isometry
 from tests.bench.table import machine, markdown, publish

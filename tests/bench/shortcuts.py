@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from btfcore.phases import PhaseClock
-from btfcore.pipeline import Prepared, load_mesh, load_sample, prepare
+from btfcore.pipeline import load_mesh, load_sample, prepare
 from btfcore.quilt.measure import measure_seams
 from btfcore.quilt.parameters import QuiltParameters
 from btfcore.quilt.refine import refine
 from btfcore.quilt.synthesize import Synthesizer
-from btfcore.types import Sample
+from btfcore.types import Prepared, Sample
 from tests.bench.inputs import find, found, present, warm_up
 from tests.bench.measures import isometry
 from tests.bench.optimum import Change, audited, crop, excess, untouched

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from btfcore.patch.connectivity import connect
-from btfcore.quilt.recut import distance, half_edge, recut, vertex_costs
+from btfcore.quilt.metric import distance, half_edge
+from btfcore.quilt.recut import recut, vertex_costs
+from btfcore.quilt.sheet import single
 from tests.quilt.test_fitting import COLUMNS, ROWS, scene, value
 from tests.surfaces import constant_field, plane
 
@@ -133,7 +135,9 @@ def test_distances_against_a_twin_also_beyond_the_border():
     for _ in range(60):
         a, b = (random.random((2, 2)) * [13, 11] - 2).astype(np.float32)
         expected = np.linalg.norm(value(grid, a) - value(grid, b))
-        assert distance(grid, a, b) == pytest.approx(expected, abs=1e-5)
+        sheet = single(grid)
+        found = distance(sheet.cut, sheet.colour, sheet.frames, 0, *a, 0, *b)
+        assert found == pytest.approx(expected, abs=1e-5)
 
 
 def test_half_edges_are_found_both_ways():

@@ -1,0 +1,1 @@
+"""Painting imperfections: constrained graphcut, edits and their layers (Zhou §IV)."""

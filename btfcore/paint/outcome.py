@@ -1,0 +1,83 @@
+"""The last part of every edit: its figures and its delta."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from btfcore.errors import InvalidEdit
+from btfcore.paint.compose import Tally
+from btfcore.paint.constrained import Energy, energy, unit_of
+from btfcore.paint.edits import PaintEdit
+from btfcore.paint.engine import Engine, Report, Result
+from btfcore.paint.foreground import Painter
+from btfcore.progress import Progress
+from btfcore.types import F8, I4
+
+
+def painted(engine: Engine, painter: Painter, edit: PaintEdit, progress: Progress) -> Result:
+    """Fill what the strokes left, and end a paint edit."""
+    area = painter.area
+    if not len(area):
+        raise InvalidEdit(
+            f"{edit.name or 'the edit'}: its strokes cover no vertex of the surface"
+            f" ({painter.off_surface} places of the brush lie beside it)"
+        )
+    painter.fill(progress=progress)
+    notes = []
+    if painter.off_surface:
+        notes.append(f"{painter.off_surface} places of the brush lie beside the surface")
+
+    def reached() -> int:
+        return int((painter._present(area) >= 0.5).sum())
+
+    return concluded(
+        engine, painter.composer.tally, edit.sample, edit.weight, painter.target, area, reached,
+        notes,
+    )  # fmt: skip
+
+
+def concluded(
+    engine: Engine,
+    tally: Tally,
+    sample: int,
+    weight: float,
+    target: Callable[[I4], F8],
+    area: I4,
+    reached: Callable[[], int],
+    notes: list[str],
+) -> Result:
+    """End the running edit and measure what it left against what was there."""
+    looked = engine.recorder.looked
+    wanted = target(looked)
+    found = reached()
+    after = energy(engine.net, engine.state, engine.palette, sample, wanted, looked)
+    delta = engine.finish()
+    delta.take_off(engine.net, engine.state, engine.writer)
+    before = energy(engine.net, engine.state, engine.palette, sample, wanted, looked)
+    delta.put_on(engine.net, engine.state, engine.writer)
+    if len(area) and found < 0.5 * len(area):
+        notes = [*notes, f"only {found / len(area):.0%} of the area is as wanted"]
+    report = Report(
+        patches=tally.kept,
+        tries=tally.tries,
+        area=len(area),
+        reached=found,
+        weight=weight,
+        constraint=after.constraint,
+        constraint_before=before.constraint,
+        smooth=after.smooth,
+        smooth_before=before.smooth,
+        seam=_per_edge(engine, sample, after),
+        seam_before=_per_edge(engine, sample, before),
+        notes=tuple([*tally.notes, *notes]),
+    )
+    return Result(delta, report)
+
+
+def _per_edge(engine: Engine, sample: int, found: Energy) -> float:
+    """Mean of ½ V_pq over the seam edges, in the sample's texel differences."""
+    step = max(engine.palette.grids[sample].texel_difference, 1e-12)
+    total = found.smooth * unit_of(engine.palette, sample)
+    return float(np.float64(total) / max(found.seam_edges, 0.5) / 2 / step)

@@ -1,0 +1,111 @@
+"""A stroke that is painted while it is drawn: begin, extend, then finish or cancel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from btfcore.errors import InvalidEdit
+from btfcore.paint.edits import Edit, PaintEdit, Stroke
+from btfcore.paint.engine import Engine, Result
+from btfcore.paint.foreground import Painter
+from btfcore.paint.outcome import painted
+from btfcore.progress import Progress, silent
+from btfcore.types import F8, I4
+
+
+class Session:
+    """Paints the last stroke of an edit as its points come in.
+
+    What it leaves is what replaying the finished edit gives, bit for bit.
+    """
+
+    def __init__(self, engine: Engine, edit: Edit, done: Callable[[Edit, Result], None]) -> None:
+        """Begin with the strokes that `edit` has; `done` is told the result."""
+        if not isinstance(edit, PaintEdit) or not edit.area.strokes:
+            raise InvalidEdit("only a paint edit with a stroke can be drawn live")
+        self._engine, self._edit, self._done = engine, edit, done
+        self._open = True
+        engine.start(edit.uid)
+        try:
+            self._painter = Painter(engine, edit)
+            *earlier, last = edit.area.strokes
+            for stroke in earlier:
+                draw(self._painter, stroke)
+            self._painter.begin(last)
+            self._points = [(last.points, last.normals, last.pressure)]
+            self._painter.extend(last.points, last.normals, last.pressure)
+        except BaseException:
+            engine.cancel()
+            raise
+
+    def extend(self, points: F8, normals: F8 | None = None, pressure: F8 | None = None) -> I4:
+        """Draw on through `points` (n, 3); returns the vertices that changed.
+
+        normals and pressure are given in every call or in none, as with the first point.
+        """
+        self._check()
+        last = self._edit.area.strokes[-1]
+        part = Stroke(
+            np.array(points, np.float64).reshape(-1, 3), last.radius,
+            None if normals is None else np.array(normals, np.float64).reshape(-1, 3),
+            None if pressure is None else np.array(pressure, np.float64).reshape(-1),
+            last.hardness,
+        )  # fmt: skip
+        for name, one, other in (
+            ("normals", part.normals, last.normals), ("pressure", part.pressure, last.pressure),
+        ):  # fmt: skip
+            if (one is None) != (other is None):
+                raise InvalidEdit(f"{name} must be given for all points of a stroke or for none")
+        self._points.append((part.points, part.normals, part.pressure))
+        return _union(self._painter.extend(part.points, part.normals, part.pressure))
+
+    def finish(self, *, progress: Progress = silent) -> I4:
+        """End the stroke and fill what it left; returns all vertices that the edit changed.
+
+        Where `progress` raises `Cancelled`, the session is cancelled.
+        """
+        self._check()
+        points = np.concatenate([part[0] for part in self._points])
+        normals, pressure = (_joined([part[column] for part in self._points]) for column in (1, 2))
+        *earlier, last = self._edit.area.strokes
+        whole = replace(last, points=points, normals=normals, pressure=pressure)
+        edit = replace(self._edit, area=replace(self._edit.area, strokes=(*earlier, whole)))
+        try:
+            self._painter.end()
+            result = painted(self._engine, self._painter, edit, progress)
+        except BaseException:
+            self.cancel()
+            raise
+        self._open = False
+        self._done(edit, result)
+        return result.delta.vertices
+
+    def cancel(self) -> None:
+        """Take back everything; the document is as it was before the stroke."""
+        if self._open:
+            self._open = False
+            self._engine.cancel()
+
+    def _check(self) -> None:
+        if not self._open:
+            raise InvalidEdit("the stroke is finished or cancelled already")
+
+
+def draw(painter: Painter, stroke: Stroke) -> None:
+    """Draw a whole stroke."""
+    painter.begin(stroke)
+    painter.extend(stroke.points, stroke.normals, stroke.pressure)
+    painter.end()
+
+
+def _joined(parts: list[F8 | None]) -> F8 | None:
+    """All parts in a row; None where they are None."""
+    given = [part for part in parts if part is not None]
+    return np.concatenate(given) if given else None
+
+
+def _union(parts: list[I4]) -> I4:
+    return np.unique(np.concatenate([np.zeros(0, np.int32), *parts]))
