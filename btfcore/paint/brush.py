@@ -89,9 +89,8 @@ class BrushField:
         self._own = unreached(net)
         self._radius = 0.0
         self._open = False
-        vertices = locator.dense.vertices
-        self._low = vertices.min(axis=0) - locator.tolerance
-        self._high = vertices.max(axis=0) + locator.tolerance
+        self._low = locator.low - locator.tolerance
+        self._high = locator.high + locator.tolerance
 
     def paint(self, stroke: Stroke) -> Dabs:
         """Add a whole stroke."""

@@ -22,9 +22,10 @@ from btfcore.quilt.recut import Recut, recut
 from btfcore.quilt.register import fit_warp, warped
 from btfcore.types import F4, F8, I4
 
-PLACEMENTS = 6  # local minima that are cut
-EXTENDED = 2  # patches of the same sample that a new one may carry on
+PLACEMENTS = 3  # local minima that are cut
+EXTENDED = 1  # patches of the same sample that a new one may carry on
 REACH, ROUNDS = 1.5, 6  # registration: texels that it may shift by, its steps
+REGISTERED = 1200  # vertices that a registration looks at, about
 FORCE = 1e5  # of the normaliser: what it costs to leave a vertex that must change
 BACKGROUND = 0.05  # m_S up to which a texel counts as background
 IDLE = 0.02  # of m: nothing is wanted where it is off by no more anywhere
@@ -137,9 +138,8 @@ class Composer:
         """Placements by joint matching, registered where something is to be continued."""
         engine, state, order = self.engine, self.engine.state, lay.patch.order
         matcher = engine.matcher(self.sample)
-        values = engine.palette.values_at(matcher.values, state.sample[order], state.source[order])
         found = matcher.find(
-            engine.net, engine.flattener.local, lay, values, aim.known, aim.target,
+            engine.net, engine.flattener.local, lay, state, aim.known, aim.target,
             turns=turns, most=self.placements,
         )  # fmt: skip
         if self._pick is not None and found:
@@ -148,8 +148,9 @@ class Composer:
         if knobs.sway == 0.0 or not aim.known.any():
             return found
         points = lay.points(self._grid.unit)
-        radius, some = _reach(points), aim.known
-        points, values = points[some], values[some]
+        radius, some = _reach(points), np.flatnonzero(aim.known)
+        some = some[:: max(len(some) // REGISTERED, 1)]
+        points, values = points[some], matcher.values_of(state, order[some])
         better = []
         for at in found:
             start = np.array([at.column, at.row, at.turn, *at.warp])

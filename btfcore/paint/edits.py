@@ -15,7 +15,8 @@ import numpy as np
 from btfcore.errors import InvalidEdit
 from btfcore.types import F8, I4, Frozen
 
-Orientation = Literal["field", "search", "stroke"]
+Orientation = Literal["auto", "field", "search", "stroke"]
+ORIENTATIONS = ("auto", "field", "search", "stroke")
 MOST_POINTS = 100_000
 
 
@@ -147,7 +148,8 @@ class PaintEdit(Edit):
     sample: which of the document's samples; weight: λ of the constraint energy; transition:
     width in world units of the zone, centred on the area's edge, over which m_0 falls from 1
     to 0 (None: the feature's own half-width; 0: abrupt); orientation: the sample follows the
-    field, or the best of 24 turns is searched, or the feature follows the stroke; protect:
+    field, or the best of 24 turns is searched, or the feature follows the stroke, or "auto":
+    searched where the sample's background has no orientation of its own; protect:
     features that are there already are wanted too; work_patch: radius of a patch in levels
     (None: from the feature's and the brush's width).
     """
@@ -156,7 +158,7 @@ class PaintEdit(Edit):
     sample: int
     weight: float = 0.5
     transition: float | None = None
-    orientation: Orientation = "field"
+    orientation: Orientation = "auto"
     protect: bool = True
     work_patch: int | None = None
 
@@ -166,8 +168,10 @@ class PaintEdit(Edit):
         _within("weight", self.weight, 0.0, 1e3)
         if self.transition is not None:
             _within("transition", self.transition, 0.0, math.inf)
-        if self.orientation not in ("field", "search", "stroke"):
-            raise InvalidEdit(f"orientation {self.orientation!r}; there are field, search, stroke")
+        if self.orientation not in ORIENTATIONS:
+            raise InvalidEdit(
+                f"orientation {self.orientation!r}; there are {', '.join(ORIENTATIONS)}"
+            )
         if self.work_patch is not None:
             _within("work_patch", self.work_patch, 4, 200)
 

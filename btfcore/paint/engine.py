@@ -15,6 +15,7 @@ import numpy as np
 
 from btfcore.errors import InvalidEdit, InvalidParameter
 from btfcore.paint.delta import Delta, Recorder
+from btfcore.paint.isotropy import ORDERED, spread_of_orientations
 from btfcore.paint.locate import Locator
 from btfcore.paint.matching import JointMatcher
 from btfcore.paint.palette import Palette, palette_of
@@ -95,7 +96,7 @@ class Engine:
         self.flattener = Flattener(
             prepared.dense, prepared.field, net, max_distortion=parameters.max_distortion
         )
-        self._tokens = 0
+        self.tokens = 0  # deltas made so far: each has a number of its own
         self._recorder: Recorder | None = None
         self.take_samples(samples, scales or [1.0] * len(samples))
 
@@ -123,6 +124,7 @@ class Engine:
         )  # fmt: skip
         self._matchers: dict[int, JointMatcher] = {}
         self._parts: dict[int, tuple[Part, ...]] = {}
+        self._isotropic: dict[int, bool] = {}
 
     # --- tables
 
@@ -154,6 +156,14 @@ class Engine:
             )
         return parts[-1 if index is None else index]
 
+    def isotropic(self, sample: int) -> bool:
+        """Whether a sample's background may be turned as one likes."""
+        if sample not in self._isotropic:
+            background = self.palette.feature_of(sample) < 0.5
+            values = self.palette.match(sample).grid.match
+            self._isotropic[sample] = spread_of_orientations(values, background) < ORDERED
+        return self._isotropic[sample]
+
     def largest(self, sample: int) -> int:
         """Largest work patch of a sample in levels, as in synthesis."""
         grid = self.palette.grids[sample]
@@ -171,6 +181,11 @@ class Engine:
         """What the running edit reads and writes."""
         assert self._recorder is not None
         return self._recorder
+
+    @property
+    def busy(self) -> bool:
+        """Whether an edit is being computed, or a stroke drawn."""
+        return self._recorder is not None
 
     @contextmanager
     def recording(self, uid: int) -> Iterator[Recorder]:
@@ -200,8 +215,8 @@ class Engine:
 
     def finish(self) -> Delta:
         """Return what the running edit did."""
-        self._tokens += 1
-        delta = self.recorder.finish(self._tokens)
+        self.tokens += 1
+        delta = self.recorder.finish(self.tokens)
         self._recorder = None
         return delta
 

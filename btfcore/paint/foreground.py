@@ -32,6 +32,7 @@ SPACING, AHEAD = 1.0, 0.5  # between patches along a stroke, and the brush's lea
 TRIES = 2  # patches that may be centred near a place, the second smaller
 SMALLER = 0.7
 ENOUGH = 0.97  # share of the area that must be as wanted
+WORTH = 0.02  # vertices lacking, per square of a patch's radius, that are worth another patch
 TURNS = {"field": (0.0,), "search": tuple(2 * np.pi * np.arange(SEARCHED) / SEARCHED)}
 
 
@@ -57,6 +58,9 @@ class Painter:
         natural = palette.half_width(sample) * palette.grids[sample].unit
         self.width = natural if edit.transition is None else edit.transition / engine.step
         self.composer = Composer(engine, sample, edit.weight)
+        self._orientation: str = edit.orientation
+        if edit.orientation == "auto":
+            self._orientation = "search" if engine.isotropic(sample) else "field"
         self.before = Before(engine)
         self.wanted: F4 = np.zeros(len(engine.state.patch), np.float32)
         mesh = engine.prepared.mesh
@@ -133,7 +137,7 @@ class Painter:
     # --- what strokes leave
 
     def fill(self, *, progress: Progress = silent) -> list[I4]:
-        """Place patches where the area is not as wanted yet, until nothing more helps."""
+        """Place patches where most is not as wanted yet, until nothing more helps."""
         engine = self.engine
         area = self.area
         tries = np.zeros(len(self.wanted), np.uint8)
@@ -142,10 +146,11 @@ class Painter:
             lacking = self._present(area) < 0.5
             done = 1.0 - float(lacking.mean())
             progress(min(done, 1.0), "painting")
-            open_ = area[lacking & (tries[area] < TRIES)]
-            if done >= ENOUGH or not len(open_):
+            if done >= ENOUGH:
                 break
-            vertex = int(open_[0])
+            vertex, count = self._densest(area[lacking & (tries[area] < TRIES)])
+            if count < WORTH * self._largest**2:
+                break
             size = self._largest if tries[vertex] == 0 else int(SMALLER * self._largest)
             changed.append(self._patch(vertex, max(size, LEAST), None))
             near, _ = grow(
@@ -155,6 +160,20 @@ class Painter:
             release(near, engine.flattener.local)
             tries[near] += 1
         return changed
+
+    def _densest(self, open_: I4) -> tuple[int, int]:
+        """Vertex amid the place where most of `open_` lie together, and how many these are."""
+        if not len(open_):
+            return -1, 0
+        points = self.engine.prepared.dense.vertices[open_]
+        side = max(self._largest, 1) * self.engine.step
+        cell = np.floor((points - points.min(axis=0)) / side).astype(np.int64)
+        _, which, counts = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
+        most = int(counts.argmax())
+        inside = np.flatnonzero(which.reshape(-1) == most)
+        middle = points[inside].mean(axis=0)
+        nearest = inside[int(((points[inside] - middle) ** 2).sum(axis=1).argmin())]
+        return int(open_[nearest]), int(counts[most])
 
     @property
     def area(self) -> I4:
@@ -197,7 +216,7 @@ class Painter:
         return int(np.clip(round(1.2 * brush + SLIM * min(unit, 2.0)), min(LEAST, most), most))
 
     def _patch(self, vertex: int, radius: int, direction: F8 | None) -> I4:
-        turns: Sequence[float] | None = TURNS.get(self.edit.orientation)
+        turns: Sequence[float] | None = TURNS.get(self._orientation)
         if turns is not None:
             return self.composer.patch(vertex, radius, self._aim, turns=turns)
         if direction is None or not direction.any():

@@ -54,8 +54,9 @@ class Locator:
     def __init__(self, dense: DenseMesh, *, tolerance: float = TOLERANCE) -> None:
         """Prepare for `dense`; `tolerance` is a share of its bounding box's diagonal."""
         self.dense = dense
-        low, high = dense.vertices.min(axis=0), dense.vertices.max(axis=0)
-        self.tolerance = tolerance * float(np.linalg.norm(high - low))
+        # corners (3,) of the bounding box, in world units
+        self.low, self.high = dense.vertices.min(axis=0), dense.vertices.max(axis=0)
+        self.tolerance = tolerance * float(np.linalg.norm(self.high - self.low))
         """How far from the surface a point may lie, in world units."""
 
     @cached_property
@@ -210,10 +211,7 @@ def _on_border(weight, faces, face, face_ptr, face_of):  # type: ignore[no-untyp
         for slot in range(face_ptr[vertex], face_ptr[vertex + 1]):
             for corner in range(3):
                 other = faces[face_of[slot], corner]
-                if (
-                    other != vertex
-                    and _faces_of_edge(vertex, other, faces, face_ptr, face_of) == 1
-                ):
+                if other != vertex and _faces_of_edge(vertex, other, faces, face_ptr, face_of) == 1:
                     return True
     return False
 

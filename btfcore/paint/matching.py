@@ -1,8 +1,9 @@
 """Joint patch matching over texture and constraint channel (Zhou §IV-A, last paragraph).
 
-Cost of a placement = Σ_known ‖I − S‖² / (u/2)² + μ Σ_all (m_0 − m_S)², over the patch's
-pixels inside the sample: what is already as wanted must be continued, and the feature must
-lie where it is wanted.
+Cost of a placement = Σ_known ‖I − S‖² / (u/2)² + μ Σ_all (m_0 − m_S)², per vertex inside the
+sample: what is already as wanted must be continued, and the feature must lie where it is
+wanted. The whole sample is searched on a coarse grid by FFT, in every orientation asked for;
+the best places are then looked at closely, at the patch's own vertices.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from btfcore.paint.constrained import unit_of
@@ -18,14 +20,16 @@ from btfcore.paint.palette import Palette
 from btfcore.patch.connectivity import Connectivity
 from btfcore.patch.resample import work_image
 from btfcore.quilt.lay import Lay
-from btfcore.quilt.matching import Matcher, Placement, local_minima, natural_factor
+from btfcore.quilt.matching import Matcher, Placement, local_minima
+from btfcore.quilt.state import QuiltState
 from btfcore.types import F4, F8, I4
 
 CONSTRAINT = 4.0  # μ, of the constraint's SSD against the texture's
-INSIDE = 0.6  # share of the patch that must lie inside the sample
-RELAXED = (INSIDE, 0.35, 0.1, 0.0)
-KEEP_TURNS = 3  # orientations that are looked at closely, of those tried on a coarse grid
-COARSE = 4.0  # texels a side of its pixels, at most
+RELAXED = (0.6, 0.35, 0.1, 0.0)  # share of the patch that must lie inside the sample
+SMALL, LARGE = 64, 400  # sides of samples searched texel by texel, and on every fourth texel
+LOOKED_AT = 3  # places that are looked at closely, for each that is wanted
+VERTICES = 1500  # of a patch that are compared when a place is looked at closely
+APART = 2.0  # texels and degrees: nearer places are one
 
 
 class JointMatcher:
@@ -35,112 +39,166 @@ class JointMatcher:
         """Prepare for `sample` of the palette."""
         space = palette.match(sample)
         self.values, self.grid = space.values, space.grid
-        self.frames = palette.sheet.frames
+        self._palette = palette
         self._scale = (unit_of(palette, sample) / 2) ** 2
-        feature = palette.feature_of(sample)[..., None]
-        self._fine = self._pair(feature, natural_factor(self.grid))
-        self._coarse: tuple[Matcher, Matcher] | None = None
-        self._feature = feature
-
-    def _pair(self, feature: F4, factor: int) -> tuple[Matcher, Matcher]:
-        """Matchers of the texture and of the constraint channel."""
-        constraint = np.ascontiguousarray(feature, np.float32)
-        return (
-            Matcher(self.grid, factor=factor),
-            Matcher(replace(self.grid, match=constraint), factor=factor),
-        )
+        self._feature = np.ascontiguousarray(palette.feature_of(sample))
+        self._pairs: dict[int, tuple[Matcher, Matcher]] = {}
+        self._blurred: dict[int, F4] = {}
 
     def find(
         self,
         net: Connectivity,
         local: I4,
         lay: Lay,
-        values: F4,
+        state: QuiltState,
         known: NDArray[np.bool_],
         target: F8,
         *,
         turns: Sequence[float],
         most: int,
     ) -> list[Placement]:
-        """The `most` cheapest placements (local minima), cheapest first.
+        """The `most` cheapest placements, cheapest first.
 
-        values (n, k) f4: what the patch's vertices show, in the sample's match space; known
-        (n,): where that is to be continued; target (n,) f8: m_0; turns: radians by which the
-        patch may be turned against the field. Several turns are tried on a coarse grid first.
+        state: the quilt, whose values are continued at the vertices `known` (n,); target (n,)
+        f8: m_0; turns: radians by which the patch may be turned against the field.
         """
-        if len(turns) > 1:
-            turns = self._best_turns(net, local, lay, values, known, target, turns)
-        found = []
-        for turn in turns:
-            image, weight = self._image(net, local, lay, values, known, target, turn)
-            costs, count, area = self._costs(self._fine, image, weight)
-            for at in _minima(costs, count, area, most):
-                row, column = int(at[0]), int(at[1])
-                factor = self._fine[0].factor
-                cost = float(costs[row, column])
-                found.append(Placement(float(column * factor), float(row * factor), cost, turn))
-        found.sort(key=lambda placement: placement.cost)
-        return found[:most]
-
-    def _best_turns(
-        self,
-        net: Connectivity,
-        local: I4,
-        lay: Lay,
-        values: F4,
-        known: NDArray[np.bool_],
-        target: F8,
-        turns: Sequence[float],
-    ) -> list[float]:
-        """The turns whose best placement on a coarse grid is cheapest."""
-        if self._coarse is None:
-            side = min(self.grid.match.shape[:2])
-            factor = int(np.clip(side // 32, 1, COARSE)) * self._fine[0].factor
-            self._coarse = self._pair(self._feature, factor)
-        best = []
+        order = lay.patch.order
+        factor = self._factor(len(turns))
+        texture, constraint = self._pair(factor)
+        owner, source = state.sample[order], state.source[order]
+        shown = self._palette.values_at(self._mip(factor), owner, source)
+        layers = np.concatenate([shown, target[:, None], known[:, None]], axis=1, dtype=np.float32)
+        points = lay.points(self.grid.unit)
+        places: list[tuple[float, int, int, int]] = []
         for index, turn in enumerate(turns):
-            image, weight = self._image(net, local, lay, values, known, target, turn)
-            costs, count, area = self._costs(self._coarse, image, weight)
-            lowest = np.where(count >= INSIDE * area, costs, np.inf).min()
-            best.append((float(lowest), index))
-        best.sort()
-        return [turns[index] for _, index in best[:KEEP_TURNS]]
+            image, mask = self._image(net, local, lay, layers, points * np.exp(1j * turn) / factor)
+            costs, count = self._costs(texture, constraint, image, mask)
+            for row, column in _minima(costs, count, float(mask.sum()), LOOKED_AT * most):
+                places.append((float(costs[row, column]), index, int(row), int(column)))
+        places.sort()
+        del places[LOOKED_AT * most :]
+        exact = self._palette.values_at(self.values, owner, source)
+        stride = max(len(order) // VERTICES, 1)
+        some = slice(None, None, stride)
+        middle = (factor - 1) / 2
+        found = []
+        for _, index, row, column in places:
+            turn = turns[index]
+            column_, row_, cost = look_closely(
+                self.grid.match, self._feature, points[some] * np.exp(1j * turn), exact[some],
+                known[some], target[some], column * factor + middle, row * factor + middle,
+                factor, self._scale, CONSTRAINT,
+            )  # fmt: skip
+            found.append(Placement(column_, row_, cost, float(turn)))
+        found.sort(key=lambda placement: placement.cost)
+        return _apart(found, most)
+
+    def values_of(self, state: QuiltState, order: I4) -> F4:
+        """What vertices (n,) show, (n, k) f4 in the sample's match space."""
+        return self._palette.values_at(self.values, state.sample[order], state.source[order])
+
+    def _factor(self, turns: int) -> int:
+        """Texels a side of the coarse grid's pixels."""
+        side = min(self.grid.match.shape[:2])
+        if side < SMALL:
+            return 1
+        return 4 if side > LARGE or (turns > 1 and side >= 2 * SMALL) else 2
+
+    def _pair(self, factor: int) -> tuple[Matcher, Matcher]:
+        """Matchers of the texture and of the constraint channel."""
+        if factor not in self._pairs:
+            feature = replace(self.grid, match=self._feature[..., None])
+            self._pairs[factor] = (
+                Matcher(self.grid, factor=factor), Matcher(feature, factor=factor),
+            )  # fmt: skip
+        return self._pairs[factor]
+
+    def _mip(self, factor: int) -> F4:
+        """The sheet's values, each the mean of the `factor`² around it."""
+        if factor not in self._blurred:
+            from scipy.ndimage import uniform_filter
+
+            blurred = self.values.copy()
+            for top, height, width in self._palette.sheet.frames[:, :3]:
+                part = blurred[top : top + height, :width]
+                part[:] = uniform_filter(part, (factor, factor, 1), mode="nearest")
+            self._blurred[factor] = blurred
+        return self._blurred[factor]
 
     def _image(
-        self,
-        net: Connectivity,
-        local: I4,
-        lay: Lay,
-        values: F4,
-        known: NDArray[np.bool_],
-        target: F8,
-        turn: float,
+        self, net: Connectivity, local: I4, lay: Lay, layers: F4, spun: NDArray[np.complex128]
     ) -> tuple[F4, F4]:
         """Work image (k + 2, side, side) with target and known as last channels, and its mask."""
-        order = lay.patch.order
-        spun = lay.points(self.grid.unit) * np.exp(1j * turn)
         point = np.stack([spun.real, -spun.imag], axis=1)
-        layers = np.concatenate([values, target[:, None], known[:, None]], axis=1, dtype=np.float32)
         reach = float(np.abs(point[: lay.patch.inner]).max()) if lay.patch.inner else 0.0
-        most = max(self.grid.cut.shape[:2])
-        half = int(min(-(-(reach + 1) // 4) * 4, -(-most // 4) * 4))
-        everywhere = np.ones(len(order), np.bool_)
+        half = int(min(-(-(reach + 1) // 4) * 4, max(self.grid.cut.shape[:2])))
+        everywhere = np.ones(len(layers), np.bool_)
         return work_image(
-            net.faces, net.face_ptr, net.face_of, order, local, point, layers, everywhere, half
-        )
+            net.faces, net.face_ptr, net.face_of, lay.patch.order, local, point, layers,
+            everywhere, half,
+        )  # fmt: skip
 
-    def _costs(self, pair: tuple[Matcher, Matcher], image: F4, mask: F4) -> tuple[F8, F8, float]:
-        """Joint cost at every centre, pixels of the patch inside the sample, and all of them."""
-        texture, constraint = pair
-        known = np.where(image[-1] > 0.999, mask, np.float32(0.0))
-        wanted, everywhere = constraint.reduced(image[-2:-1], mask)
-        feature, count = constraint.costs(wanted, everywhere)
+    def _costs(self, texture: Matcher, constraint: Matcher, image: F4, mask: F4) -> tuple[F8, F8]:
+        """Joint cost at every centre, and how many pixels of the patch are inside the sample."""
+        feature, count = constraint.costs(image[-2:-1], mask)
         total = CONSTRAINT * feature * count
+        known = np.where(image[-1] > 0.999, mask, np.float32(0.0))
         if known.any():
-            shown, weight = texture.reduced(image[:-2], known)
-            ssd, seen = texture.costs(shown, weight)
+            ssd, seen = texture.costs(image[:-2], known)
             total = total + ssd * seen / self._scale
-        return total / np.maximum(count, 1e-3), count, float(everywhere.sum())
+        return total / np.maximum(count, 1e-3), count
+
+
+@njit(cache=True)
+def look_closely(  # type: ignore[no-untyped-def]
+    match, feature, points, values, known, target, column, row, reach, scale, constraint
+):
+    """Best (column, row) within `reach` texels of a place, and its joint cost per vertex.
+
+    match (h, w, k), feature (h, w); points (n,) complex: the patch's vertices about its
+    centre, y up, in texels; values (n, k): what they show; known (n,); target (n,): m_0.
+    Nearest texels are compared; the step is halved from `reach` down to one texel.
+    """
+    best = joint_cost(match, feature, points, values, known, target, column, row, scale, constraint)
+    step = max(reach // 2, 1)
+    while True:
+        centre_column, centre_row = column, row
+        for down in range(-1, 2):
+            for across in range(-1, 2):
+                if down == 0 and across == 0:
+                    continue
+                x, y = centre_column + step * across, centre_row + step * down
+                cost = joint_cost(
+                    match, feature, points, values, known, target, x, y, scale, constraint
+                )
+                if cost < best:
+                    best, column, row = cost, x, y
+        if step == 1:
+            break
+        step //= 2
+    return column, row, best
+
+
+@njit(cache=True)
+def joint_cost(  # type: ignore[no-untyped-def]
+    match, feature, points, values, known, target, column, row, scale, constraint
+):
+    """Joint cost per vertex inside the sample of a patch centred at (column, row)."""
+    height, width, channels = match.shape
+    total, inside = 0.0, 0
+    for index in range(len(points)):
+        x = int(np.floor(column + points[index].real + 0.5))
+        y = int(np.floor(row - points[index].imag + 0.5))
+        if x < 0 or y < 0 or x >= width or y >= height:
+            continue
+        inside += 1
+        total += constraint * (target[index] - feature[y, x]) ** 2
+        if known[index]:
+            ssd = 0.0
+            for k in range(channels):
+                ssd += (values[index, k] - match[y, x, k]) ** 2
+            total += ssd / scale
+    return total / inside if inside > 0 else np.inf
 
 
 def _minima(costs: F8, count: F8, area: float, most: int) -> NDArray[np.int64]:
@@ -151,3 +209,19 @@ def _minima(costs: F8, count: F8, area: float, most: int) -> NDArray[np.int64]:
         if len(found):
             return np.asarray(found)
     return np.zeros((0, 2), np.int64)
+
+
+def _apart(found: Sequence[Placement], most: int) -> list[Placement]:
+    """The first `most` of `found` that are not nearly the same as one before."""
+    kept: list[Placement] = []
+    for at in found:
+        if len(kept) == most:
+            break
+        if not any(
+            abs(at.column - other.column) < APART
+            and abs(at.row - other.row) < APART
+            and abs(at.turn - other.turn) < np.radians(APART)
+            for other in kept
+        ):
+            kept.append(at)
+    return kept

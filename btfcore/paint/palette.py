@@ -8,6 +8,7 @@ that painting asks about a sample is computed when first asked for, and kept.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -244,7 +245,9 @@ def _feature(sample: Sample, scale: float) -> F4:
     if peak > 0 and (sample.mask > 0.5).any():
         inside = mask > min(0.5, 0.5 * peak)
         if half_width(inside) < NARROW:
-            return prepared(inside.astype(np.float32), name=sample.name, thicken=NARROW).mask
+            # where hardly any background is left, the mask stays what it is
+            with suppress(InvalidImage):
+                return prepared(inside.astype(np.float32), name=sample.name, thicken=NARROW).mask
     return mask
 
 

@@ -87,7 +87,9 @@ def constrain(
     fields: dict[float, BrushField] = {}
     for number, stroke in enumerate(area.strokes):
         wide = zone(stroke.radius, stroke.hardness, width) / step
-        field = fields.setdefault(wide, BrushField(net, locator, reach=wide / 2))
+        if wide not in fields:
+            fields[wide] = BrushField(net, locator, reach=wide / 2)
+        field = fields[wide]
         field.strokes = number
         dabs.append(field.paint(stroke))
         lowered = dabs[-1].lowered

@@ -1,12 +1,14 @@
 """Laws of strokes: round, even, the same however they are dealt out, and harmless off the mesh."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from btfcore.errors import InvalidEdit
 from btfcore.paint.brush import CLOSEST, SPACING, BrushField, Dabs
 from btfcore.paint.edits import Stroke
-from tests.paint.grounds import Ground, cow, flat, walls
+from tests.paint.grounds import Ground, ball, cow, flat, ground, walls
 
 ROWS = ("vertex", "position", "radius", "arc", "direction", "stroke")
 
@@ -179,6 +181,32 @@ def test_a_stroke_may_leave_the_mesh():
     assert {-40.0, -60.0} <= set(np.round(dabs.position[:, 1], 9))
 
 
+def test_points_far_apart_are_joined_over_the_surface():
+    place = ball()
+    ends = np.array([[np.cos(turn), np.sin(turn), 0.0] for turn in np.radians([10, 70])])
+    field = brush(place)
+    dabs = field.paint(Stroke(ends, 0.1))
+    assert dabs.skipped == 0
+    x, y, z = place.dense.vertices.T
+    turn = np.degrees(np.arctan2(y, x))
+    beside = np.arcsin(np.abs(z)) / place.step
+    on_way = (turn > 10) & (turn < 70)
+    expected = beside[on_way] - 0.1 / place.step
+    near = np.abs(expected) < 2
+    assert np.abs(field.value[on_way][near] - expected[near]).max() < 0.15
+
+
+def test_a_way_through_the_inside_is_skipped_and_counted():
+    place = ball()
+    ends = np.array([[1.0, 0.02, 0.03], [-1.0, 0.02, 0.03]])
+    field = brush(place)
+    dabs = field.paint(Stroke(ends, 0.1))
+    deep = place.locator().tolerance
+    assert np.abs(dabs.skipped - (2 - 2 * deep) / 0.025) < 3
+    assert len(dabs) + dabs.skipped == 81
+    assert np.abs(place.dense.vertices[field.value < 0, 0]).min() > 0.7
+
+
 def test_a_stroke_beside_the_border_reaches_over_it():
     place = flat()
     field = brush(place)
@@ -218,6 +246,21 @@ def test_strokes_over_each_other_are_their_union():
     rim = np.abs(union) < 1e-2  # there the last bits may decide
     assert np.array_equal((both.value <= 0)[~rim], (union <= 0)[~rim])
     assert set(dabs.stroke.tolist()) == {0, 1}
+
+
+@pytest.mark.parametrize(("scale", "shift"), [(1e-4, 0.0), (1e3, 1e6)])
+def test_size_and_place_of_the_world_do_not_matter(scale, shift):
+    place = ball()
+    dense = replace(place.dense, vertices=place.dense.vertices * scale + shift)
+    other = ground(dense)
+    points = np.array([[np.cos(turn), np.sin(turn), 0.1] for turn in (0.1, 0.4, 0.7)])
+    one, two = brush(place), brush(other)
+    dabs = one.paint(Stroke(points, 0.15))
+    moved = two.paint(Stroke(points * scale + shift, 0.15 * scale))
+    assert np.array_equal(np.isfinite(one.value), np.isfinite(two.value))
+    kept = np.isfinite(one.value)
+    assert np.allclose(one.value[kept], two.value[kept], atol=1e-3)
+    assert np.allclose(dabs.arc, moved.arc, rtol=1e-5)
 
 
 def test_a_stroke_that_was_not_begun_and_bad_numbers():
