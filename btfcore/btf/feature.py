@@ -80,8 +80,13 @@ def check_mask(name: str, mask: F4, shape: tuple[int, int]) -> None:
             f"{name}: the mask is empty: 0 % of it is feature (above 0.5; its brightest texel is"
             f" {float(mask.max()):.3g})"
         )
-    if inside.all() or (1 - share) * inside.size < SPECK:
+    if np.count_nonzero(~inside) < _fewest(inside.size):
         raise InvalidImage(f"{name}: the mask is full: {100 * share:.2f} % of it is feature")
+
+
+def _fewest(texels: int) -> float:
+    """How many texels of background a sample needs: what no noise looks like."""
+    return max(min(SPECK, 0.05 * texels), 1.0)
 
 
 def prepared(mask: F4, *, name: str = "mask", thicken: float = THICKEN) -> Feature:
@@ -203,7 +208,7 @@ def _without_specks(inside: B1, near: float) -> tuple[B1, int]:
     size[0] = 0
     clean = kept[found] & (size >= SPECK_SHARE * size.max())[group]
     holes, many = label(~clean)
-    small = np.bincount(holes.ravel(), minlength=many + 1) < SPECK
+    small = np.bincount(holes.ravel(), minlength=many + 1) < _fewest(inside.size)
     small[0] = False
     return clean | small[holes], count - label(clean, _ROUND)[1]
 

@@ -59,7 +59,7 @@ def common_channels(
         raise InvalidParameter("no sample to find common channels for")
     why = _misfit(samples)
     if why is None and not samples[0].is_image:
-        ready = _factorised(samples, rank, memory_mb, progress)
+        ready = factorised(samples, rank, memory_mb, progress)
         why = _other_encoding(ready)
         if why is None:
             return _joint(ready), ()
@@ -120,10 +120,16 @@ def _factors(sample: BtfSample) -> BtfFactors:
     return sample.factors
 
 
-def _factorised(
-    samples: Sequence[BtfSample], rank: int, memory_mb: float, progress: Progress
+def factorised(
+    samples: Sequence[BtfSample],
+    rank: int = 40,
+    memory_mb: float = 2048,
+    progress: Progress = silent,
 ) -> list[BtfSample]:
-    """Samples with factors; those without get the encoding of the first that has some."""
+    """BTFs with factors; those without get the encoding of the first that has some.
+
+    Raises `InvalidBtf` for a sample that looks the same everywhere.
+    """
     given = [sample.factors for sample in samples if sample.factors is not None]
     encoding: str | Encoding = given[0].encoding if given else "auto"
     ready = []

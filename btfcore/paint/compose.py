@@ -77,12 +77,12 @@ class Composer:
         sample: int,
         weight: float,
         *,
-        placements: int = PLACEMENTS,
+        placements: int | None = None,
         pick: np.random.Generator | None = None,
     ) -> None:
         """Use λ = `weight`; pick: choose among the placements at random instead of the best."""
         self.engine, self.sample, self.weight = engine, sample, weight
-        self.placements, self.tally = placements, Tally()
+        self.placements, self.tally = placements or PLACEMENTS, Tally()
         self._pick = pick
         self._grid = engine.palette.grids[sample]
         self._unit = unit_of(engine.palette, sample)

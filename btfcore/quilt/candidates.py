@@ -92,11 +92,9 @@ class CandidateFinder:
             sizes = [grid.cut.shape[:2] for grid in sheet.grids]
             self._reuses = [Reuse(high, wide, parameters.reuse) for high, wide in sizes]
         self.rooms: list[Room | None] = [None] * len(sheet.grids)
-        if len(sheet.barred):
-            self.rooms = [
-                Room(sheet.barred_of(index), grid.random_difference**2)
-                for index, grid in enumerate(sheet.grids)
-            ]
+        for index, grid in enumerate(sheet.grids):
+            if len(sheet.barred) and sheet.barred_of(index).any():
+                self.rooms[index] = Room(sheet.barred_of(index), grid.random_difference**2)
         self._take(0)
         self._random = np.random.default_rng(parameters.seed)
 
@@ -219,9 +217,14 @@ class CandidateFinder:
         penalty = None if self._reuse is None else self._reuse.penalty()
         if self._room is None:
             return penalty
-        # half of the patch lies within 0.7 of its radius, about the half side of the square
-        barred = self._room.penalty(0.7 * _radius(plane / self.grid.unit))
+        barred = self._room_penalty(plane)
         return barred if penalty is None else penalty + barred
+
+    def _room_penalty(self, plane: C16) -> F8:
+        """What makes a place dear (h, w) where features leave the patch little room."""
+        assert self._room is not None
+        # half of the patch lies within 0.7 of its radius, about the half side of the square
+        return self._room.penalty(0.7 * _radius(plane / self.grid.unit))
 
     def _extended(self, patch: FlatPatch, plane: C16) -> list[Placement]:
         """Placements that carry on the patches around, centred inside the sample."""
@@ -235,7 +238,8 @@ class CandidateFinder:
     def _beside_others(self, patch: FlatPatch, plane: C16) -> list[Placement]:
         point = np.stack([plane.real, -plane.imag], axis=1) / self.grid.unit
         half = self._half(point[: patch.inner])
-        return self._colours.match(patch, self._flattener.local, point, half)
+        barred = None if self._room is None else self._room_penalty(plane)
+        return self._colours.match(patch, self._flattener.local, point, half, barred)
 
     def _registered(self, points: C16, radius: float, values: F4, at: Placement) -> Placement:
         """Shift, turn and slightly warp a placement to where it fits best."""

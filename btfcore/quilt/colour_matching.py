@@ -27,13 +27,15 @@ class ColourMatcher:
         self.net, self.sheet, self.state, self.parameters = net, sheet, state, parameters
         self._matchers: dict[int, tuple[Matcher, F4]] = {}
 
-    def match(self, patch: FlatPatch, local: I4, point: F8, half: int) -> list[Placement]:
+    def match(
+        self, patch: FlatPatch, local: I4, point: F8, half: int, penalty: F8 | None = None
+    ) -> list[Placement]:
         """Candidate placements where the patch may replace vertices of another sample.
 
         point (n, 2) f8: the patch's vertices (column, row) about its centre in grid texels;
-        half: half the side of the work image. Only the overlap near bare vertices in which
-        the patch's sample is allowed is matched, all samples alike. Empty where no other
-        sample is there.
+        half: half the side of the work image; penalty (h, w): see `Matcher.match`. Only the
+        overlap near bare vertices in which the patch's sample is allowed is matched, all
+        samples alike. Empty where no other sample is there.
         """
         state, net, order = self.state, self.net, patch.order
         mine = state.home(int(order[0]))
@@ -47,7 +49,7 @@ class ColourMatcher:
         if not (known & ~state.known_to(order)).any():
             return []
         matcher, mean = self._matcher(mine)
-        values = np.zeros((len(order), 3), np.float32)
+        values = np.zeros((len(order), self.sheet.colour.shape[2]), np.float32)
         for index in range(len(self.sheet.grids)):
             here = known & (state.sample[order] == index)
             values[here] = look_up(self.sheet.colours(index), state.source[order[here]]) - mean
@@ -56,8 +58,9 @@ class ColourMatcher:
         )
         knobs = self.parameters
         return matcher.match(
-            image, mask, most=knobs.placements, overlap=knobs.overlap, margin=knobs.margin
-        )
+            image, mask, most=knobs.placements, overlap=knobs.overlap, margin=knobs.margin,
+            penalty=penalty,
+        )  # fmt: skip
 
     def _matcher(self, mine: int) -> tuple[Matcher, F4]:
         """Matcher on a sample's colours, and their mean, which matching leaves out."""

@@ -15,6 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from btfcore.mincut import minimum_cut
+from btfcore.quilt.metric import distance, half_edge
 from btfcore.quilt.sheet import ANYWHERE, Sheet, single
 from btfcore.types import F4, I4, U2
 
@@ -196,53 +197,6 @@ def near_bare(
 
 
 @njit(cache=True)
-def _distance(sheet, colour, frames, a, ax, ay, b, bx, by):  # type: ignore[no-untyped-def]
-    """Distance of the bilinear values at two positions, clamped at the border.
-
-    `a` and `b` are the samples of the two: channels of different samples may mean different
-    things, so there `colour` is compared.
-    """
-    if len(frames) == 1:
-        a, b = 0, 0
-    top, low = frames[a, 0], frames[b, 0]
-    height, width = frames[a, 1], frames[a, 2]
-    ax, ay = min(max(ax, 0.0), width - 1.0), min(max(ay, 0.0), height - 1.0)
-    ac, ar = int(ax), int(ay)
-    ac1, ar1 = min(ac + 1, width - 1), top + min(ar + 1, height - 1)
-    height, width = frames[b, 1], frames[b, 2]
-    bx, by = min(max(bx, 0.0), width - 1.0), min(max(by, 0.0), height - 1.0)
-    bc, br = int(bx), int(by)
-    bc1, br1 = min(bc + 1, width - 1), low + min(br + 1, height - 1)
-    afx, afy, bfx, bfy = ax - ac, ay - ar, bx - bc, by - br
-    ar, br = top + ar, low + br
-    a00, a01, a10, a11 = (1 - afx) * (1 - afy), afx * (1 - afy), (1 - afx) * afy, afx * afy
-    b00, b01, b10, b11 = (1 - bfx) * (1 - bfy), bfx * (1 - bfy), (1 - bfx) * bfy, bfx * bfy
-    grid = sheet if a == b else colour
-    channels = frames[a, 3] if a == b else colour.shape[2]
-    total = 0.0
-    for k in range(channels):
-        va = (
-            a00 * grid[ar, ac, k] + a01 * grid[ar, ac1, k]
-            + a10 * grid[ar1, ac, k] + a11 * grid[ar1, ac1, k]
-        )  # fmt: skip
-        vb = (
-            b00 * grid[br, bc, k] + b01 * grid[br, bc1, k]
-            + b10 * grid[br1, bc, k] + b11 * grid[br1, bc1, k]
-        )  # fmt: skip
-        total += (va - vb) ** 2
-    return np.sqrt(total)
-
-
-@njit(cache=True)
-def _back_slot(indptr, indices, vertex, other):  # type: ignore[no-untyped-def]
-    """Slot of the half-edge other→vertex."""
-    for slot in range(indptr[other], indptr[other + 1]):
-        if indices[slot] == vertex:
-            return slot
-    return -1
-
-
-@njit(cache=True)
 def _fixed(  # type: ignore[no-untyped-def]
     indptr, indices, order, inner, local, place, patch, source, ghost,
     sheet, colour, frames, owner, fresh, inside, covered, node,
@@ -263,14 +217,14 @@ def _fixed(  # type: ignore[no-untyped-def]
             if patch[q] < 0 or (other >= 0 and node[other] >= 0):
                 continue
             b = owner[q] if several else 0
-            back = _back_slot(indptr, indices, p, q)
-            rim = _distance(
+            back = half_edge(indptr, indices, q, p)
+            rim = distance(
                 sheet, colour, frames, b, ghost[back, 0], ghost[back, 1],
                 fresh, place[here, 0], place[here, 1],
             )  # fmt: skip
             total += rim
             if other >= 0 and inside[other]:
-                rim = _distance(
+                rim = distance(
                     sheet, colour, frames, b, source[q, 0], source[q, 1],
                     fresh, place[other, 0], place[other, 1],
                 )  # fmt: skip
@@ -297,7 +251,7 @@ def _graph(  # type: ignore[no-untyped-def]
     for here in range(len(order)):
         vertex = order[here]
         if node[here] != BARE:
-            own[here] = _distance(
+            own[here] = distance(
                 sheet, colour, frames, owner[vertex] if several else 0,
                 source[vertex, 0], source[vertex, 1], fresh, place[here, 0], place[here, 1],
             )  # fmt: skip
@@ -313,7 +267,7 @@ def _graph(  # type: ignore[no-untyped-def]
             other = local[q]
             if other >= 0 and node[other] == BARE:
                 if other < inner and covered[other]:
-                    keep[me] += own[here] + _distance(
+                    keep[me] += own[here] + distance(
                         sheet, colour, frames, a, ghost[slot, 0], ghost[slot, 1],
                         fresh, place[other, 0], place[other, 1],
                     )  # fmt: skip
@@ -330,13 +284,13 @@ def _graph(  # type: ignore[no-untyped-def]
                     forward[edges] = own[here] + own[other]
                     edges += 1
                     continue
-                back = _back_slot(indptr, indices, p, q)
+                back = half_edge(indptr, indices, q, p)
                 # M(p, q, A_p, B), M(p, q, A_q, B) and the old seam M(p, q, A_p, A_q)
-                mine = own[here] + _distance(
+                mine = own[here] + distance(
                     sheet, colour, frames, a, ghost[slot, 0], ghost[slot, 1],
                     fresh, place[other, 0], place[other, 1],
                 )  # fmt: skip
-                theirs = own[other] + _distance(
+                theirs = own[other] + distance(
                     sheet, colour, frames, b, ghost[back, 0], ghost[back, 1],
                     fresh, place[here, 0], place[here, 1],
                 )  # fmt: skip
@@ -345,10 +299,10 @@ def _graph(  # type: ignore[no-untyped-def]
                 tail[edges], head[edges], forward[edges] = me, seam, mine
                 tail[edges + 1], head[edges + 1], forward[edges + 1] = seam, node[other], theirs
                 edges += 2
-                keep[seam] = _distance(
+                keep[seam] = distance(
                     sheet, colour, frames, a, source[p, 0], source[p, 1],
                     b, ghost[back, 0], ghost[back, 1],
-                ) + _distance(
+                ) + distance(
                     sheet, colour, frames, a, ghost[slot, 0], ghost[slot, 1],
                     b, source[q, 0], source[q, 1],
                 )  # fmt: skip
@@ -357,15 +311,15 @@ def _graph(  # type: ignore[no-untyped-def]
             if same:
                 rim = own[here]
             else:
-                back = _back_slot(indptr, indices, p, q)
-                rim = _distance(
+                back = half_edge(indptr, indices, q, p)
+                rim = distance(
                     sheet, colour, frames, b, ghost[back, 0], ghost[back, 1],
                     fresh, place[here, 0], place[here, 1],
                 )  # fmt: skip
-                keep[me] += _distance(
+                keep[me] += distance(
                     sheet, colour, frames, a, source[p, 0], source[p, 1],
                     b, ghost[back, 0], ghost[back, 1],
-                ) + _distance(
+                ) + distance(
                     sheet, colour, frames, a, ghost[slot, 0], ghost[slot, 1],
                     b, source[q, 0], source[q, 1],
                 )  # fmt: skip

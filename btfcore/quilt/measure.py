@@ -82,12 +82,12 @@ def measure_by_sample(
         near, far = grid.texel_difference, grid.random_difference
         costs = steps[(one == index) & (two == index)] * near
         parts.append(_figures(costs, edges, vertices, near, far))
-    near, far = _colour_differences(sheet)
+    near, far = colour_differences(sheet)
     border = steps[one != two] * near
     return tuple(parts), _figures(border, len(net.indices) // 2, len(state.patch), near, far)
 
 
-def _colour_differences(sheet: Sheet) -> tuple[float, float]:
+def colour_differences(sheet: Sheet) -> tuple[float, float]:
     """Mean over the samples of the differences of neighbouring and of random colours."""
     if len(sheet.grids) == 1:
         return 0.0, 0.0
@@ -125,7 +125,7 @@ def seam_steps(net: Connectivity, state: QuiltState, sheet: Sheet) -> tuple[I8, 
             here[two == index] = look_up(colour, state.source[head[two == index]])
     mixed = one != two
     if mixed.any():
-        steps[mixed] = _norms(there[mixed], here[mixed]) / max(_colour_differences(sheet)[0], 1e-12)
+        steps[mixed] = _norms(there[mixed], here[mixed]) / max(colour_differences(sheet)[0], 1e-12)
     return slots, tail, head, steps
 
 

@@ -135,6 +135,9 @@ def test_masks_of_no_use_are_refused_with_the_share():
     holes[::7, ::9] = 0
     with pytest.raises(InvalidImage, match="the mask is full"):
         prepared(holes)
+    tiny = np.zeros((4, 4), np.float32)
+    tiny[:3, :3] = 1  # seven texels of background are a lot of sixteen
+    assert np.array_equal(prepared(tiny, thicken=0).mask > 0.5, tiny > 0.5)
     with pytest.raises(InvalidImage, match="a mask of 160 x 120 texels for a sample of 128 x 64"):
         check_mask("m", disk(5), (64, 128))
     bad = disk(5)

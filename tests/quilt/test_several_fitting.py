@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from btfcore.patch.connectivity import connect
-from btfcore.quilt.fitting import _distance, fit
+from btfcore.quilt.fitting import fit
+from btfcore.quilt.metric import distance
 from btfcore.quilt.sheet import Sheet, sheet_of
 from btfcore.types import Sample
 from tests.quilt.test_fitting import value
@@ -123,5 +124,5 @@ def test_distances_compare_channels_within_a_sample_and_colours_across():
             step = value(sheet.grids[a].cut, at) - value(sheet.grids[a].cut, to)
         else:
             step = value(colours[a], at) - value(colours[b], to)
-        found = _distance(sheet.cut, sheet.colour, sheet.frames, a, *at, b, *to)
+        found = distance(sheet.cut, sheet.colour, sheet.frames, a, *at, b, *to)
         assert found == pytest.approx(np.linalg.norm(step), abs=1e-5)

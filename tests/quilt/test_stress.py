@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from btfcore.quilt.fitting import _distance, fit
+from btfcore.quilt.fitting import fit
 from btfcore.quilt.grid import sample_grid
 from btfcore.quilt.matching import Matcher
 from btfcore.quilt.measure import measure_seams
+from btfcore.quilt.metric import distance
 from btfcore.quilt.parameters import QuiltParameters
 from btfcore.quilt.sheet import single
 from btfcore.quilt.synthesize import Synthesizer
@@ -128,7 +129,7 @@ def test_matching_in_f4_agrees_with_sums_in_f8():
 def apart(grid, ax, ay, bx, by):
     """Distance of two positions in the channels of one sample."""
     one = single(grid)
-    return _distance(one.cut, one.colour, one.frames, 0, ax, ay, 0, bx, by)
+    return distance(one.cut, one.colour, one.frames, 0, ax, ay, 0, bx, by)
 
 
 def test_distances_in_f4_agree_with_f8():
