@@ -10,15 +10,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from btfcore.errors import InvalidParameter
-from btfcore.patch.bend import bent, fit_bend
-from btfcore.patch.distortion import field_directions
 from btfcore.patch.flatten import FlatPatch
 from btfcore.patch.resample import look_up, work_image
 from btfcore.progress import Progress, between, silent
 from btfcore.quilt.extend import extensions
 from btfcore.quilt.fitting import barred_places
+from btfcore.quilt.lay import Lay, lay_along_field
 from btfcore.quilt.matching import Matcher, Placement
-from btfcore.quilt.patches import ON_COURSE, median_direction
+from btfcore.quilt.patches import ON_COURSE
 from btfcore.quilt.recut import recut
 from btfcore.quilt.register import register
 from btfcore.quilt.state import QuiltState
@@ -101,20 +100,6 @@ def refine(
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class _Lay:
-    """A flattened patch in the field's frame, ready to be placed.
-
-    plane (n,) complex in dense-mesh steps, the field along +x; turn (inner,) complex: field
-    direction of the vertices in it; known (n,): what placements are matched with.
-    """
-
-    patch: FlatPatch
-    plane: NDArray[np.complex128]
-    turn: NDArray[np.complex128]
-    known: NDArray[np.bool_]
-
-
 class _Refiner:
     """Places, matches and cuts; holds the seam costs of the quilt as it is."""
 
@@ -174,8 +159,8 @@ class _Refiner:
         patch = self._flattener.flatten(vertex, core + RIM)
         near, gain = float(self.worst.cost[patch.order].sum()), 0.0
         try:
-            lay = self._lay(patch)
-            for at in self._placements(lay):
+            lay, known = self._lay(patch)
+            for at in self._placements(lay, known):
                 progress(1.0, "refining")
                 gain += self._expand(lay, at)
         finally:
@@ -187,40 +172,29 @@ class _Refiner:
             self.worst.failed(patch.order[: patch.start[min(levels, len(patch.start) - 1)]])
         return gain > 0
 
-    def _directions(self, patch: FlatPatch) -> NDArray[np.complex128]:
-        net = self.net
-        turn = field_directions(
-            net.indptr, net.indices, net.edge, patch.order, patch.inner, self._flattener.local,
-            patch.plane,
-        )  # fmt: skip
-        return np.asarray(turn[:, 0] + 1j * turn[:, 1])
+    def _lay(self, patch: FlatPatch) -> tuple[Lay, NDArray[np.bool_]]:
+        """Bend a patch along the field, as in synthesis; which of it (n,) is matched.
 
-    def _lay(self, patch: FlatPatch) -> _Lay:
-        """Bend a patch along the field, as in synthesis, and leave its middle unknown."""
-        knobs, order, inner = self.engine.parameters, patch.order, patch.inner
-        turn = self._directions(patch)
-        if knobs.bend > 0.0 and not knobs.literal:
-            everywhere = np.ones(inner, np.bool_)
-            bend, _ = fit_bend(turn, patch.plane, everywhere, inner, knobs.bend)
-            patch.plane = bent(patch.plane, bend)
-            turn = self._directions(patch)
+        Its middle is not, so that something else may come there.
+        """
+        knobs, order = self.engine.parameters, patch.order
         levels, last = max(patch.radius - RIM, patch.radius // 2, 1), len(patch.start) - 1
         core = int(patch.start[min(levels, last)])
-        mean = median_direction(turn[:core], turn[0])
-        plane = (patch.plane[:, 0] + 1j * patch.plane[:, 1]) * mean.conjugate()
+        bend = 0.0 if knobs.literal else knobs.bend
+        lay = lay_along_field(self.net, self._flattener.local, patch, bend=bend, core=core)
         known = self.state.patch[order] >= 0
         known[:core] = False
         known[int(patch.start[min(levels + knobs.match_band, last)]) :] = False
-        return _Lay(patch, plane, turn * mean.conjugate(), known)
+        return lay, known
 
-    def _placements(self, lay: _Lay) -> list[Placement]:
+    def _placements(self, lay: Lay, known: NDArray[np.bool_]) -> list[Placement]:
         """Placements that match around the middle, then those that extend old patches."""
         return [
-            *self._matched(lay),
+            *self._matched(lay, known),
             *extensions(self.state, lay.patch.order, lay.plane / self.grid.unit, EXTENDED),
         ]
 
-    def _matched(self, lay: _Lay) -> list[Placement]:
+    def _matched(self, lay: Lay, known: NDArray[np.bool_]) -> list[Placement]:
         knobs, grid, net, order = self.engine.parameters, self.grid, self.net, lay.patch.order
         point = np.stack([lay.plane.real, -lay.plane.imag], axis=1) / grid.unit
         values = look_up(grid.match, self.state.source[order])
@@ -228,7 +202,7 @@ class _Refiner:
         half = int(min(-(-(reach + 1) // 4) * 4, -(-most // 4) * 4))
         image, mask = work_image(
             net.faces, net.face_ptr, net.face_of, order, self._flattener.local, point, values,
-            lay.known, half,
+            known, half,
         )  # fmt: skip
         if not mask.any():
             return []
@@ -240,13 +214,13 @@ class _Refiner:
                 found.append(at)
                 continue
             column, row, turn, cost = register(
-                grid.match, point[lay.known], values[lay.known], (at.column, at.row, at.turn),
+                grid.match, point[known], values[known], (at.column, at.row, at.turn),
                 REACH, np.radians(knobs.sway), ROUNDS,
             )  # fmt: skip
             found.append(Placement(column, row, cost, turn) if np.isfinite(cost) else at)
         return found
 
-    def _expand(self, lay: _Lay, at: Placement) -> float:
+    def _expand(self, lay: Lay, at: Placement) -> float:
         """Give a placement what makes the quilt cheaper: an expansion move. Returns the gain."""
         state, net, patch = self.state, self.net, lay.patch
         spin = np.exp(1j * at.turn)
