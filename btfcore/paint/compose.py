@@ -22,7 +22,7 @@ from btfcore.quilt.recut import Recut, recut
 from btfcore.quilt.register import fit_warp, warped
 from btfcore.types import F4, F8, I4
 
-PLACEMENTS = 3  # local minima that are cut
+PLACEMENTS = 2  # local minima that are cut
 EXTENDED = 1  # patches of the same sample that a new one may carry on
 REACH, ROUNDS = 1.5, 6  # registration: texels that it may shift by, its steps
 REGISTERED = 1200  # vertices that a registration looks at, about
@@ -38,7 +38,8 @@ class Aim:
 
     target (n,) f8: m_0; present (n,) f8: m_σ as it is; known (n,) bool: where what is there
     is to be continued; forced (inner,) bool: vertices that must take the new value; frozen
-    (inner,) bool: those that must keep theirs; strict: no new feature where target is 0.
+    (inner,) bool: those that must keep theirs; strict: no new feature where target is 0;
+    seams: cut even where all is as wanted, for the seams' sake.
     """
 
     target: F8
@@ -47,6 +48,7 @@ class Aim:
     forced: NDArray[np.bool_]
     frozen: NDArray[np.bool_]
     strict: bool = False
+    seams: bool = False
 
 
 @dataclass
@@ -110,7 +112,8 @@ class Composer:
                 engine.net, engine.flattener.local, flat, bend=engine.parameters.bend
             )
             aim = aim_of(flat)
-            if not aim.forced.any() and np.abs(aim.present - aim.target).max() <= IDLE:
+            idle = not aim.forced.any() and not aim.seams
+            if idle and np.abs(aim.present - aim.target).max() <= IDLE:
                 return np.zeros(0, np.int32)
             found = self._matched(lay, aim, turns if turns_of is None else turns_of(lay))
             if extend:
@@ -139,8 +142,7 @@ class Composer:
         engine, state, order = self.engine, self.engine.state, lay.patch.order
         matcher = engine.matcher(self.sample)
         found = matcher.find(
-            engine.net, engine.flattener.local, lay, state, aim.known, aim.target,
-            turns=turns, most=self.placements,
+            lay, state, aim.known, aim.target, turns=turns, most=self.placements,
         )  # fmt: skip
         if self._pick is not None and found:
             found = [found[int(self._pick.integers(len(found)))]]

@@ -225,6 +225,7 @@ class Engine:
         if self._recorder is not None:
             self._recorder.undo()
             self._recorder = None
+            self.flattener.local[:] = -1  # a patch may have been interrupted
 
     def fits(self, result: Result) -> bool:
         """Whether computing the result's edit now would give the same."""

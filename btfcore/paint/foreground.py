@@ -28,11 +28,13 @@ from btfcore.types import F4, F8, I4
 
 SEARCHED = 24  # orientations tried where the sample has none of its own
 LEAST, SLIM = 8, 18  # levels of a patch: at least, and beside the brush
+FIRST_AHEAD = 0.0  # of the first patch, which shall appear at once
 SPACING, AHEAD = 1.0, 0.5  # between patches along a stroke, and the brush's lead; in radii
 TRIES = 2  # patches that may be centred near a place, the second smaller
 SMALLER = 0.7
 ENOUGH = 0.97  # share of the area that must be as wanted
-WORTH = 0.02  # vertices lacking, per square of a patch's radius, that are worth another patch
+MOST_CELLS = 64  # along an axis, in which places are looked for
+WORTH = 0.04  # vertices lacking, per square of a patch's radius, that are worth another patch
 TURNS = {"field": (0.0,), "search": tuple(2 * np.pi * np.arange(SEARCHED) / SEARCHED)}
 
 
@@ -100,7 +102,7 @@ class Painter:
                 side = None if normals is None else _turned(normals[one], matrix)
                 force = None if pressure is None else pressure[one]
                 self._take(track, track.brush.extend(place, side, force))
-                changed += self._patches(track, AHEAD * track.radius)
+                changed += self._patches(track, FIRST_AHEAD if track.due == 0 else AHEAD * track.radius)
         return changed
 
     def end(self) -> list[I4]:
@@ -140,19 +142,24 @@ class Painter:
         """Place patches where most is not as wanted yet, until nothing more helps."""
         engine = self.engine
         area = self.area
+        area = area[engine.state.patch[area] >= 0]
+        engine.recorder.reads(area)  # what is there decides where patches go
         tries = np.zeros(len(self.wanted), np.uint8)
+        lacking = np.zeros(len(self.wanted), np.bool_)
+        lacking[area] = self._present(area) < 0.5
         changed: list[I4] = []
         while len(area):
-            lacking = self._present(area) < 0.5
-            done = 1.0 - float(lacking.mean())
+            done = 1.0 - float(lacking[area].mean())
             progress(min(done, 1.0), "painting")
             if done >= ENOUGH:
                 break
-            vertex, count = self._densest(area[lacking & (tries[area] < TRIES)])
+            vertex, count = self._densest(area[lacking[area] & (tries[area] < TRIES)])
             if count < WORTH * self._largest**2:
                 break
             size = self._largest if tries[vertex] == 0 else int(SMALLER * self._largest)
-            changed.append(self._patch(vertex, max(size, LEAST), None))
+            fresh = self._patch(vertex, max(size, LEAST), None)
+            lacking[fresh] = (self.wanted[fresh] > 0.5) & (self._present(fresh) < 0.5)
+            changed.append(fresh)
             near, _ = grow(
                 engine.net.indptr, engine.net.indices, vertex, max(size // 2, 1),
                 engine.flattener.local, 10**9,
@@ -166,11 +173,17 @@ class Painter:
         if not len(open_):
             return -1, 0
         points = self.engine.prepared.dense.vertices[open_]
-        side = max(self._largest, 1) * self.engine.step
-        cell = np.floor((points - points.min(axis=0)) / side).astype(np.int64)
-        _, which, counts = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
+        low = points.min(axis=0)
+        # cells no smaller than keeps their number bounded
+        side = max(
+            max(self._largest, 1) * self.engine.step,
+            float((points.max(axis=0) - low).max()) / MOST_CELLS,
+        )
+        cell = ((points - low) / side).astype(np.int64)
+        key = (cell[:, 0] * (MOST_CELLS + 1) + cell[:, 1]) * (MOST_CELLS + 1) + cell[:, 2]
+        counts = np.bincount(key)
         most = int(counts.argmax())
-        inside = np.flatnonzero(which.reshape(-1) == most)
+        inside = np.flatnonzero(key == most)
         middle = points[inside].mean(axis=0)
         nearest = inside[int(((points[inside] - middle) ** 2).sum(axis=1).argmin())]
         return int(open_[nearest]), int(counts[most])

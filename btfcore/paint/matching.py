@@ -9,7 +9,6 @@ the best places are then looked at closely, at the patch's own vertices.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numba import njit
@@ -17,10 +16,9 @@ from numpy.typing import NDArray
 
 from btfcore.paint.constrained import unit_of
 from btfcore.paint.palette import Palette
-from btfcore.patch.connectivity import Connectivity
-from btfcore.patch.resample import work_image
+from btfcore.paint.search import CoarseSearch
 from btfcore.quilt.lay import Lay
-from btfcore.quilt.matching import Matcher, Placement, local_minima
+from btfcore.quilt.matching import Placement, local_minima
 from btfcore.quilt.state import QuiltState
 from btfcore.types import F4, F8, I4
 
@@ -42,13 +40,10 @@ class JointMatcher:
         self._palette = palette
         self._scale = (unit_of(palette, sample) / 2) ** 2
         self._feature = np.ascontiguousarray(palette.feature_of(sample))
-        self._pairs: dict[int, tuple[Matcher, Matcher]] = {}
-        self._blurred: dict[int, F4] = {}
+        self._searches: dict[int, CoarseSearch] = {}
 
     def find(
         self,
-        net: Connectivity,
-        local: I4,
         lay: Lay,
         state: QuiltState,
         known: NDArray[np.bool_],
@@ -63,21 +58,17 @@ class JointMatcher:
         f8: m_0; turns: radians by which the patch may be turned against the field.
         """
         order = lay.patch.order
-        factor = self._factor(len(turns))
-        texture, constraint = self._pair(factor)
-        owner, source = state.sample[order], state.source[order]
-        shown = self._palette.values_at(self._mip(factor), owner, source)
-        layers = np.concatenate([shown, target[:, None], known[:, None]], axis=1, dtype=np.float32)
+        exact = self.values_of(state, order)
         points = lay.points(self.grid.unit)
+        search = self._search(len(turns))
+        factor = search.factor
+        costs, count, area = search.costs(points, turns, exact, known, target)
         places: list[tuple[float, int, int, int]] = []
-        for index, turn in enumerate(turns):
-            image, mask = self._image(net, local, lay, layers, points * np.exp(1j * turn) / factor)
-            costs, count = self._costs(texture, constraint, image, mask)
-            for row, column in _minima(costs, count, float(mask.sum()), LOOKED_AT * most):
-                places.append((float(costs[row, column]), index, int(row), int(column)))
+        for index in range(len(turns)):
+            for row, column in _minima(costs[index], count[index], area[index], LOOKED_AT * most):
+                places.append((float(costs[index, row, column]), index, int(row), int(column)))
         places.sort()
         del places[LOOKED_AT * most :]
-        exact = self._palette.values_at(self.values, owner, source)
         stride = max(len(order) // VERTICES, 1)
         some = slice(None, None, stride)
         middle = (factor - 1) / 2
@@ -97,56 +88,17 @@ class JointMatcher:
         """What vertices (n,) show, (n, k) f4 in the sample's match space."""
         return self._palette.values_at(self.values, state.sample[order], state.source[order])
 
-    def _factor(self, turns: int) -> int:
-        """Texels a side of the coarse grid's pixels."""
+    def _search(self, turns: int) -> CoarseSearch:
+        """Search on a grid that is the coarser, the larger the sample and the more turns."""
         side = min(self.grid.match.shape[:2])
+        factor = 4 if side > LARGE or (turns > 1 and side >= 2 * SMALL) else 2
         if side < SMALL:
-            return 1
-        return 4 if side > LARGE or (turns > 1 and side >= 2 * SMALL) else 2
-
-    def _pair(self, factor: int) -> tuple[Matcher, Matcher]:
-        """Matchers of the texture and of the constraint channel."""
-        if factor not in self._pairs:
-            feature = replace(self.grid, match=self._feature[..., None])
-            self._pairs[factor] = (
-                Matcher(self.grid, factor=factor), Matcher(feature, factor=factor),
-            )  # fmt: skip
-        return self._pairs[factor]
-
-    def _mip(self, factor: int) -> F4:
-        """The sheet's values, each the mean of the `factor`² around it."""
-        if factor not in self._blurred:
-            from scipy.ndimage import uniform_filter
-
-            blurred = self.values.copy()
-            for top, height, width in self._palette.sheet.frames[:, :3]:
-                part = blurred[top : top + height, :width]
-                part[:] = uniform_filter(part, (factor, factor, 1), mode="nearest")
-            self._blurred[factor] = blurred
-        return self._blurred[factor]
-
-    def _image(
-        self, net: Connectivity, local: I4, lay: Lay, layers: F4, spun: NDArray[np.complex128]
-    ) -> tuple[F4, F4]:
-        """Work image (k + 2, side, side) with target and known as last channels, and its mask."""
-        point = np.stack([spun.real, -spun.imag], axis=1)
-        reach = float(np.abs(point[: lay.patch.inner]).max()) if lay.patch.inner else 0.0
-        half = int(min(-(-(reach + 1) // 4) * 4, max(self.grid.cut.shape[:2])))
-        everywhere = np.ones(len(layers), np.bool_)
-        return work_image(
-            net.faces, net.face_ptr, net.face_of, lay.patch.order, local, point, layers,
-            everywhere, half,
-        )  # fmt: skip
-
-    def _costs(self, texture: Matcher, constraint: Matcher, image: F4, mask: F4) -> tuple[F8, F8]:
-        """Joint cost at every centre, and how many pixels of the patch are inside the sample."""
-        feature, count = constraint.costs(image[-2:-1], mask)
-        total = CONSTRAINT * feature * count
-        known = np.where(image[-1] > 0.999, mask, np.float32(0.0))
-        if known.any():
-            ssd, seen = texture.costs(image[:-2], known)
-            total = total + ssd * seen / self._scale
-        return total / np.maximum(count, 1e-3), count
+            factor = 1
+        if factor not in self._searches:
+            self._searches[factor] = CoarseSearch(
+                self.grid.match, self._feature, factor, self._scale, CONSTRAINT
+            )
+        return self._searches[factor]
 
 
 @njit(cache=True)
