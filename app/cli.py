@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from app.console import reporter, say, stoppable
+from app.paint_cli import paint, project_app
 from app.sample_cli import sample_app
 from btfcore import __version__
 from btfcore.errors import Cancelled, PatinaError
@@ -22,6 +23,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.add_typer(sample_app, name="sample")
+app.add_typer(project_app, name="project")
+app.command()(paint)
 
 
 @app.callback(invoke_without_command=True)

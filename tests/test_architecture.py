@@ -47,6 +47,7 @@ FLOORS = {
     "btfcore.files": 4,
     "btfcore.samples": 4,
     "btfcore.regions": 4,
+    "btfcore.painting": 4,
     "btfcore.pipeline": 4,
     "btfcore.report": 4,
     "app": 5,  # the package's own docstring
@@ -68,6 +69,7 @@ FLOORS = {
     "app.menus": 8,
     "app.demo": 8,
     "app.gui": 8,
+    "app.paint_cli": 9,
     "app.sample_cli": 9,
     "app.cli": 9,
     "app.__main__": 9,
@@ -81,6 +83,11 @@ BESIDE = {
     ("btfcore.field", "btfcore.clusters"),
     ("btfcore.field", "btfcore.upright"),
     ("btfcore.upright", "btfcore.clusters"),
+    ("btfcore.files", "btfcore.regions"),
+    ("btfcore.painting", "btfcore.files"),
+    ("btfcore.painting", "btfcore.pipeline"),
+    ("btfcore.painting", "btfcore.regions"),
+    ("btfcore.painting", "btfcore.samples"),
     ("btfcore.pipeline", "btfcore.files"),
     ("btfcore.pipeline", "btfcore.samples"),
     ("btfcore.pipeline", "btfcore.regions"),
@@ -98,6 +105,7 @@ BESIDE = {
     ("app.gui", "app.window"),
     ("app.gui", "app.demo"),
     ("app.__main__", "app.cli"),
+    ("app.cli", "app.paint_cli"),
     ("app.cli", "app.sample_cli"),
 }
 
@@ -112,7 +120,10 @@ DOORS = {
     "trimesh": ("btfcore.mesh.trimesh_door",),
     "PIL": ("btfcore.btf.pillow_door", "btfcore.files.png", "app"),
     "OpenImageIO": ("btfcore.btf.oiio_door", "btfcore.files.exr"),
-    "pydantic": ("btfcore.files.package.manifest",),
+    "pydantic": (
+        "btfcore.files.package.manifest", "btfcore.files.edits_json", "btfcore.files.edits_schema",
+        "btfcore.files.project",
+    ),
     "mitsuba": (),
     "PyQt6": ("app",),
     "pyvistaqt": ("app.viewport",),

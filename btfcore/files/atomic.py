@@ -6,14 +6,22 @@ import contextlib
 import errno
 import os
 import secrets
+import shutil
 import stat
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
 from btfcore.errors import OutputFailed
 
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
 _FOLDER_SYNC_OPTIONAL = {errno.EINVAL, errno.ENOTSUP, errno.EBADF, errno.EACCES, errno.EPERM}
+_NO_LINKS = {errno.EPERM, errno.ENOTSUP, errno.ENOSYS, errno.EMLINK, errno.EINVAL}
+_WRITING, _SAVING = ".patina-", ".patina-save-"
 
 
 @contextlib.contextmanager
@@ -50,7 +58,7 @@ def atomic_group(paths: Sequence[str | Path]) -> Iterator[tuple[BinaryIO, ...]]:
             for place, handle in enumerate(handles):
                 current = finals[place]
                 handle.flush()
-                os.fsync(handle.fileno())
+                _sync(handle.fileno())
                 handle.close()
             for current in finals:
                 os.replace(pending[0], current)
@@ -61,6 +69,87 @@ def atomic_group(paths: Sequence[str | Path]) -> Iterator[tuple[BinaryIO, ...]]:
             _discard(handles, pending)
     except OSError as error:
         raise _refused(current, error) from error
+
+
+@contextlib.contextmanager
+def verified_output(
+    path: str | Path, verify: Callable[[Path], None], *, backup: str | None = None
+) -> Iterator[BinaryIO]:
+    """Like `atomic_output`, but what was written is opened again before it counts.
+
+    After the bytes are on disk, `verify` gets the temporary file; what it raises leaves the
+    older file as it was. backup : name in the same folder that the older file then has too. At
+    every instant the old or the new file is whole under `path`: the older one gets its second
+    name as a hard link (or, where the file system has none, as a copy), and is only then
+    replaced. Temporary files of this kind that a killed process left are removed; those of a
+    process that still writes are locked, and stay.
+    """
+    final = _final(path)
+    handles: list[BinaryIO] = []
+    pending: list[Path] = []
+    try:
+        try:
+            _sweep(final.parent)
+            handles.append(_temporary(final.parent, _SAVING))
+            pending.append(Path(handles[0].name))
+            _lock(handles[0])
+            yield handles[0]
+            handles[0].flush()
+            _sync(handles[0].fileno())
+            if fcntl is None:
+                handles[0].close()  # an open file cannot be renamed there
+            verify(pending[0])
+            if backup is not None and final.exists():
+                _keep(final, final.parent / backup, pending)
+            os.replace(pending[0], final)
+            del pending[0]
+            _sync_folder(final.parent)
+        finally:
+            _discard(handles, pending)
+    except OSError as error:
+        raise _refused(final, error) from error
+
+
+def _keep(final: Path, backup: Path, pending: list[Path]) -> None:
+    """Let the file `final` also be found as `backup`, whose former content goes."""
+    second = final.parent / f"{_SAVING}{secrets.token_hex(8)}.part"
+    pending.append(second)
+    try:
+        os.link(final, second)
+    except OSError as error:
+        if error.errno not in _NO_LINKS:
+            raise
+        shutil.copyfile(final, second)
+        with second.open("rb+") as handle:
+            _sync(handle.fileno())
+    os.replace(second, backup)
+    pending.remove(second)
+
+
+def _sweep(folder: Path) -> None:
+    """Remove what killed processes left of `verified_output`."""
+    if fcntl is None:
+        return
+    for left in folder.glob(f"{_SAVING}*.part"):
+        with contextlib.suppress(OSError), left.open("rb") as handle:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)  # fails while it is written
+            left.unlink()
+
+
+def _lock(handle: BinaryIO) -> None:
+    if fcntl is not None:
+        with contextlib.suppress(OSError):  # some file systems have no locks
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def _sync(descriptor: int) -> None:
+    """Wait until a file is on the disk itself; on macOS `fsync` does not."""
+    full = getattr(fcntl, "F_FULLFSYNC", None)
+    if fcntl is not None and full is not None:
+        with contextlib.suppress(OSError):
+            fcntl.fcntl(descriptor, full)
+            return
+    os.fsync(descriptor)
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:
@@ -103,10 +192,10 @@ def _final(path: str | Path) -> Path:
     return final
 
 
-def _temporary(folder: Path) -> BinaryIO:
+def _temporary(folder: Path, prefix: str = _WRITING) -> BinaryIO:
     """Open a new hidden file in `folder`; unlike `tempfile`'s its mode obeys the umask."""
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
-    name = folder / f".patina-{secrets.token_hex(8)}.part"
+    name = folder / f"{prefix}{secrets.token_hex(8)}.part"
     return open(name, "wb", opener=lambda file, _: os.open(file, flags, 0o666))
 
 

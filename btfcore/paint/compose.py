@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from btfcore.paint.constrained import unit_of
 from btfcore.paint.engine import Engine
 from btfcore.patch.flatten import FlatPatch
 from btfcore.quilt.extend import extensions
@@ -87,7 +86,7 @@ class Composer:
         self.placements, self.tally = placements or PLACEMENTS, Tally()
         self._pick = pick
         self._grid = engine.palette.grids[sample]
-        self._unit = unit_of(engine.palette, sample)
+        self._unit = engine.unit(sample)
 
     def patch(
         self,

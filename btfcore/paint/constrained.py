@@ -6,13 +6,14 @@ with the data term as its bias: t-links D_p, n-links V_pq, a seam node per old s
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from btfcore.paint.delta import slots_of
-from btfcore.paint.palette import Palette
+from btfcore.paint.palette import PAIRS, Palette
 from btfcore.patch.connectivity import Connectivity
 from btfcore.quilt.recut import vertex_costs
 from btfcore.quilt.state import QuiltState
@@ -42,17 +43,22 @@ def energy(
     sample: int,
     target: F8,
     vertices: I4 | None = None,
+    *,
+    any_sample: bool = False,
+    unit: float | None = None,
 ) -> Energy:
     """Energy of a quilt for the constraint `target` (n,) m_0 at `vertices` (n,), None: all.
 
     Only features of `sample` satisfy the constraint (F shall be textured by S_f alone, Zhou
     §IV-A); those of other samples count as background where they are asked for, and as what
-    they are elsewhere. Bare vertices cost nothing.
+    they are elsewhere. With `any_sample` all count as what they are, for where features that
+    are there shall stay. Bare vertices cost nothing.
     """
     if vertices is None:
         vertices = np.arange(len(state.patch), dtype=np.int32)
     covered = state.patch[vertices] >= 0
-    shown = feature_of(state, palette, sample, vertices, target)
+    asked = np.zeros(len(target)) if any_sample else target
+    shown = feature_of(state, palette, sample, vertices, asked)
     constraint = float(np.abs(shown - target)[covered].sum())
     costs = vertex_costs(
         net.indptr, net.indices, vertices, state.patch, state.source, state.ghost,
@@ -60,16 +66,39 @@ def energy(
     )  # fmt: skip
     return Energy(
         constraint,
-        float(costs.sum()) / unit_of(palette, sample),
+        float(costs.sum()) / (unit_of(palette, sample) if unit is None else unit),
         seam_count(net, state.patch, vertices) / 2,
     )
 
 
-def unit_of(palette: Palette, sample: int) -> float:
-    """u, by which V_pq is divided: the sample's normaliser, or random pairs' where it is plain."""
-    if (palette.feature_of(sample) > 0.5).any():
-        return palette.normaliser(sample)
-    return 2 * max(palette.grids[sample].random_difference, 1e-12)
+def unit_of(palette: Palette, sample: int, grounds: Sequence[int] = ()) -> float:
+    """u, by which V_pq is divided: twice the mean distance of a feature to its background.
+
+    The sample's own normaliser, or random pairs' where it has no feature. grounds: background
+    samples that it is painted over; where the feature differs more from one of these, that
+    difference counts, lest nothing of a feature can be painted over another material.
+    """
+    if not (palette.feature_of(sample) > 0.5).any():
+        return 2 * max(palette.grids[sample].random_difference, 1e-12)
+    others = [ground for ground in grounds if ground != sample]
+    own = palette.normaliser(sample)
+    return max([own, *(2 * _contrast(palette, sample, ground) for ground in others)])
+
+
+def _contrast(palette: Palette, sample: int, ground: int) -> float:
+    """Mean distance of random feature texels of a sample to background texels of another."""
+    random = np.random.default_rng(0)
+    values = []
+    for index, inside in (
+        (sample, palette.feature_of(sample) > 0.5), (ground, palette.feature_of(ground) <= 0.5),
+    ):  # fmt: skip
+        row, column = np.nonzero(inside)
+        if not len(row):
+            return 0.0
+        at = random.integers(0, len(row), PAIRS)
+        top = int(palette.sheet.frames[index, 0])
+        values.append(palette.sheet.cut[top + row[at], column[at]].astype(np.float64))
+    return float(np.sqrt(((values[0] - values[1]) ** 2).sum(axis=1)).mean())
 
 
 def feature_of(state: QuiltState, palette: Palette, sample: int, vertices: I4, target: F8) -> F8:

@@ -14,10 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from btfcore.errors import InvalidEdit
-from btfcore.paint.edits import Edit, PaintEdit, knobs_of
+from btfcore.paint.edits import Edit, PaintEdit, StampEdit, knobs_of
 from btfcore.paint.engine import Engine, Result
 from btfcore.paint.operations import check, run
 from btfcore.paint.session import Session
+from btfcore.paint.stamp import Preview, Stamper
 from btfcore.progress import Progress, between, silent
 from btfcore.types import I4, Prepared, Quilt, Sample
 
@@ -34,11 +35,12 @@ class Layer:
 
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """A step of the history: the layers before and after."""
+    """A step of the history: the layers before and after, and the results of one of them only."""
 
     label: str
     before: tuple[Layer, ...]
     after: tuple[Layer, ...]
+    results: tuple[Result, ...]
 
 
 class Document:
@@ -59,6 +61,7 @@ class Document:
         self._next_uid = 0
         self._done: list[_Step] = []
         self._undone: list[_Step] = []
+        self._stamper = Stamper(engine)
 
     # --- what there is
 
@@ -77,6 +80,11 @@ class Document:
         """All edits, bottom first."""
         return tuple(layer.edit for layer in self.layers)
 
+    @property
+    def next_uid(self) -> int:
+        """Uid that the next edit gets."""
+        return self._next_uid
+
     def layer(self, uid: int) -> Layer:
         """The layer of edit `uid`; raises `InvalidEdit` where there is none."""
         return self.layers[self._place(uid)]
@@ -90,7 +98,19 @@ class Document:
     def add(self, edit: Edit, *, progress: Progress = silent) -> I4:
         """Put an edit on top; it gets a uid. Returns the vertices (n,) that changed."""
         edit = self.admit(edit)
-        return self._step(f"add {edit.name}", (*self.layers, Layer(edit)), progress)
+        changed = self._step(f"add {edit.name}", (*self.layers, Layer(edit)), progress)
+        self._next_uid = edit.uid + 1
+        return changed
+
+    def preview(self, edit: StampEdit) -> tuple[Preview, ...]:
+        """Where a stamp's feature would lie, and those of its images; nothing changes.
+
+        Discs under the last places are kept, so that turning and scaling cost little. Raises
+        `InvalidEdit` where the point is off the surface or the feature is not there.
+        """
+        check(self.engine, edit)
+        self._idle()
+        return self._stamper.preview(edit)
 
     def begin(self, edit: PaintEdit) -> Session:
         """Begin a stroke that is painted while it is drawn (see `Session`).
@@ -98,6 +118,7 @@ class Document:
         `edit` holds the first point of its last stroke; nothing else may change the document
         before the session is finished or cancelled.
         """
+        self._idle()
         return Session(self.engine, self.admit(edit), self._finished)
 
     def remove(self, uid: int, *, progress: Progress = silent) -> I4:
@@ -119,7 +140,7 @@ class Document:
         """Hide an edit or show it again."""
         return self.change(uid, progress=progress, visible=visible)
 
-    def change(self, uid: int, *, progress: Progress = silent, **knobs: object) -> I4:
+    def change(self, uid: int, /, *, progress: Progress = silent, **knobs: object) -> I4:
         """Change fields of an edit (see `edits`)."""
         at = self._place(uid)
         layer = self.layers[at]
@@ -154,18 +175,16 @@ class Document:
         """Take the last step back; returns the vertices that changed, none where there is none."""
         if not self._done:
             return np.zeros(0, np.int32)
-        step = self._done.pop()
-        changed = self._become(step.before, silent)
-        self._undone.append(step)
+        changed = self._become(self._done[-1].before, silent)
+        self._undone.append(self._done.pop())
         return changed
 
     def redo(self) -> I4:
         """Do the last step again that was taken back."""
         if not self._undone:
             return np.zeros(0, np.int32)
-        step = self._undone.pop()
-        changed = self._become(step.after, silent)
-        self._done.append(step)
+        changed = self._become(self._undone[-1].after, silent)
+        self._done.append(self._undone.pop())
         return changed
 
     @property
@@ -176,10 +195,12 @@ class Document:
     # --- inside
 
     def admit(self, edit: Edit) -> Edit:
-        """Check an edit and give it a uid and, where it has none, a name."""
+        """Check an edit and give it the next uid and, where it has none, a name.
+
+        The uid is taken once the edit is in the document.
+        """
         check(self.engine, edit)
         uid = self._next_uid
-        self._next_uid += 1
         return replace(edit, uid=uid, name=edit.name or f"{type(edit).__name__[:-4]} {uid + 1}")
 
     def restore(self, layers: Sequence[Layer], next_uid: int) -> None:
@@ -198,22 +219,33 @@ class Document:
         """Take what a session painted."""
         before = self.layers
         self.layers = (*before, Layer(edit, result))
-        self._remember(_Step(f"add {edit.name}", before, self.layers))
+        self._next_uid = edit.uid + 1
+        self._remember(f"add {edit.name}", before)
 
     def _step(self, label: str, layers: tuple[Layer, ...], progress: Progress) -> I4:
         before = self.layers
         changed = self._become(layers, progress)
-        self._remember(_Step(label, before, self.layers))
+        self._remember(label, before)
         return changed
 
-    def _remember(self, step: _Step) -> None:
-        self._done.append(step)
+    def _idle(self) -> None:
+        if self.engine.busy:
+            raise InvalidEdit("a stroke is being drawn; finish or cancel it first")
+
+    def _remember(self, label: str, before: tuple[Layer, ...]) -> None:
+        """Put the step from the layers `before` to those now on the history."""
+        one, other = _results(before), _results(self.layers)
+        differ = tuple(
+            result for at, result in (one | other).items() if (at in one) != (at in other)
+        )
+        self._done.append(_Step(label, before, self.layers, differ))
         self._undone.clear()
         while len(self._done) > 1 and self.history_mb > self.budget_mb:
             self._done.pop(0)
 
     def _become(self, wanted: tuple[Layer, ...], progress: Progress) -> I4:
         """Make the quilt that of `wanted`; returns the vertices that were written."""
+        self._idle()
         engine, old = self.engine, self.layers
         same = 0
         while same < min(len(old), len(wanted)) and _alike(old[same], wanted[same]):
@@ -270,11 +302,16 @@ def _written(layers: Sequence[Layer]) -> I4:
 
 def _megabytes(steps: Sequence[_Step], now: Sequence[Layer]) -> float:
     """Memory of the results that only `steps` hold, each counted once."""
-    mine = {id(layer.result) for layer in now}
+    mine = _results(now)
     held = {
-        id(layer.result): layer.result.delta.nbytes
+        id(result): result.delta.nbytes
         for step in steps
-        for layer in (*step.before, *step.after)
-        if layer.result is not None and id(layer.result) not in mine
+        for result in step.results
+        if id(result) not in mine
     }
     return sum(held.values()) / 1e6
+
+
+def _results(layers: Sequence[Layer]) -> dict[int, Result]:
+    """Results of `layers` by their identity."""
+    return {id(layer.result): layer.result for layer in layers if layer.result is not None}

@@ -18,6 +18,7 @@ from btfcore.types import F8, I4, Frozen
 Orientation = Literal["auto", "field", "search", "stroke"]
 ORIENTATIONS = ("auto", "field", "search", "stroke")
 MOST_POINTS = 100_000
+MOST_WIDTH = 1e300  # what a file can hold
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +168,7 @@ class PaintEdit(Edit):
         super().__post_init__()
         _within("weight", self.weight, 0.0, 1e3)
         if self.transition is not None:
-            _within("transition", self.transition, 0.0, math.inf)
+            _within("transition", self.transition, 0.0, MOST_WIDTH)
         if self.orientation not in ORIENTATIONS:
             raise InvalidEdit(
                 f"orientation {self.orientation!r}; there are {', '.join(ORIENTATIONS)}"

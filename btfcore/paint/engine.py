@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from btfcore.errors import InvalidEdit, InvalidParameter
+from btfcore.paint.constrained import unit_of
 from btfcore.paint.delta import Delta, Recorder
 from btfcore.paint.isotropy import ORDERED, spread_of_orientations
 from btfcore.paint.locate import Locator
@@ -125,6 +126,7 @@ class Engine:
         self._matchers: dict[int, JointMatcher] = {}
         self._parts: dict[int, tuple[Part, ...]] = {}
         self._isotropic: dict[int, bool] = {}
+        self._units: dict[int, float] = {}
 
     # --- tables
 
@@ -136,7 +138,7 @@ class Engine:
     def matcher(self, sample: int) -> JointMatcher:
         """Joint matcher of a sample; its spectra serve all edits."""
         if sample not in self._matchers:
-            self._matchers[sample] = JointMatcher(self.palette, sample)
+            self._matchers[sample] = JointMatcher(self.palette, sample, unit=self.unit(sample))
         return self._matchers[sample]
 
     def parts(self, sample: int) -> tuple[Part, ...]:
@@ -155,6 +157,13 @@ class Engine:
                 f" {len(parts) - 1}"
             )
         return parts[-1 if index is None else index]
+
+    def unit(self, sample: int) -> float:
+        """U of a sample painted over this document's background (`constrained.unit_of`)."""
+        if sample not in self._units:
+            grounds = range(1 if self.layout is None else len(self.layout.allowed))
+            self._units[sample] = unit_of(self.palette, sample, grounds)
+        return self._units[sample]
 
     def isotropic(self, sample: int) -> bool:
         """Whether a sample's background may be turned as one likes."""

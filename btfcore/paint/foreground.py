@@ -102,7 +102,9 @@ class Painter:
                 side = None if normals is None else _turned(normals[one], matrix)
                 force = None if pressure is None else pressure[one]
                 self._take(track, track.brush.extend(place, side, force))
-                changed += self._patches(track, FIRST_AHEAD if track.due == 0 else AHEAD * track.radius)
+                changed += self._patches(
+                    track, FIRST_AHEAD if track.due == 0 else AHEAD * track.radius
+                )
         return changed
 
     def end(self) -> list[I4]:

@@ -33,12 +33,12 @@ APART = 2.0  # texels and degrees: nearer places are one
 class JointMatcher:
     """Answers joint matchings against one sample; spectra are computed once per size."""
 
-    def __init__(self, palette: Palette, sample: int) -> None:
-        """Prepare for `sample` of the palette."""
+    def __init__(self, palette: Palette, sample: int, *, unit: float | None = None) -> None:
+        """Prepare for `sample` of the palette; unit: u, None: that of the sample alone."""
         space = palette.match(sample)
         self.values, self.grid = space.values, space.grid
         self._palette = palette
-        self._scale = (unit_of(palette, sample) / 2) ** 2
+        self._scale = ((unit_of(palette, sample) if unit is None else unit) / 2) ** 2
         self._feature = np.ascontiguousarray(palette.feature_of(sample))
         self._searches: dict[int, CoarseSearch] = {}
 

@@ -17,7 +17,9 @@ from btfcore.paint.local import erase, repair, requilt
 from btfcore.paint.outcome import painted
 from btfcore.paint.session import draw
 from btfcore.paint.stamp import Stamper
-from btfcore.progress import Progress, silent
+from btfcore.progress import Progress, between, silent
+
+DRAWN = 0.7  # share of a paint edit's time that its strokes take, roughly
 
 
 def run(engine: Engine, edit: Edit, *, progress: Progress = silent) -> Result:
@@ -29,10 +31,11 @@ def run(engine: Engine, edit: Edit, *, progress: Progress = silent) -> Result:
     with engine.recording(edit.uid):
         if isinstance(edit, PaintEdit):
             painter = Painter(engine, edit)
-            for stroke in edit.area.strokes:
-                progress(0.0, "painting")
-                draw(painter, stroke)
-            return painted(engine, painter, edit, progress)
+            strokes = edit.area.strokes
+            for at, stroke in enumerate(strokes):
+                share = (DRAWN * at / len(strokes), DRAWN * (at + 1) / len(strokes))
+                draw(painter, stroke, between(progress, *share))
+            return painted(engine, painter, edit, between(progress, DRAWN, 1.0))
         if isinstance(edit, StampEdit):
             return Stamper(engine).merge(edit, progress)
         if isinstance(edit, EraseEdit):

@@ -8,12 +8,14 @@ import numpy as np
 
 from btfcore.errors import InvalidEdit
 from btfcore.paint.compose import Tally
-from btfcore.paint.constrained import Energy, energy, unit_of
+from btfcore.paint.constrained import Energy, energy
 from btfcore.paint.edits import PaintEdit
 from btfcore.paint.engine import Engine, Report, Result
 from btfcore.paint.foreground import Painter
 from btfcore.progress import Progress
 from btfcore.types import F8, I4
+
+UNLIKE = 1.5  # times as far from the background as the sample's own is worth a note
 
 
 def painted(engine: Engine, painter: Painter, edit: PaintEdit, progress: Progress) -> Result:
@@ -24,10 +26,15 @@ def painted(engine: Engine, painter: Painter, edit: PaintEdit, progress: Progres
             f"{edit.name or 'the edit'}: its strokes cover no vertex of the surface"
             f" ({painter.off_surface} places of the brush lie beside it)"
         )
+    if (engine.state.patch[area] < 0).all():
+        raise InvalidEdit(f"{edit.name or 'the edit'}: nothing is synthesised yet in its area")
     painter.fill(progress=progress)
     notes = []
     if painter.off_surface:
         notes.append(f"{painter.off_surface} places of the brush lie beside the surface")
+
+    if engine.unit(edit.sample) > UNLIKE * engine.palette.normaliser(edit.sample):
+        notes.append("the sample is of another colour than the background: the cut edge will show")
 
     def reached() -> int:
         return int((painter._present(area) >= 0.5).sum())
@@ -47,15 +54,28 @@ def concluded(
     area: I4,
     reached: Callable[[], int],
     notes: list[str],
+    *,
+    any_sample: bool = False,
 ) -> Result:
-    """End the running edit and measure what it left against what was there."""
+    """End the running edit and measure what it left against what was there.
+
+    target: m_0 of vertices; area: those that it was asked for, reached: how many of them are
+    as wanted; any_sample: see `constrained.energy`.
+    """
     looked = engine.recorder.looked
     wanted = target(looked)
     found = reached()
-    after = energy(engine.net, engine.state, engine.palette, sample, wanted, looked)
+
+    def measured() -> Energy:
+        return energy(
+            engine.net, engine.state, engine.palette, sample, wanted, looked,
+            any_sample=any_sample, unit=engine.unit(sample),
+        )  # fmt: skip
+
+    after = measured()
     delta = engine.finish()
     delta.take_off(engine.net, engine.state, engine.writer)
-    before = energy(engine.net, engine.state, engine.palette, sample, wanted, looked)
+    before = measured()  # where this fails, the quilt is as it was
     delta.put_on(engine.net, engine.state, engine.writer)
     if len(area) and found < 0.5 * len(area):
         notes = [*notes, f"only {found / len(area):.0%} of the area is as wanted"]
@@ -79,5 +99,5 @@ def concluded(
 def _per_edge(engine: Engine, sample: int, found: Energy) -> float:
     """Mean of ½ V_pq over the seam edges, in the sample's texel differences."""
     step = max(engine.palette.grids[sample].texel_difference, 1e-12)
-    total = found.smooth * unit_of(engine.palette, sample)
+    total = found.smooth * engine.unit(sample)
     return float(np.float64(total) / max(found.seam_edges, 0.5) / 2 / step)

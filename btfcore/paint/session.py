@@ -8,12 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from btfcore.errors import InvalidEdit
-from btfcore.paint.edits import Edit, PaintEdit, Stroke
+from btfcore.paint.edits import MOST_POINTS, Edit, PaintEdit, Stroke
 from btfcore.paint.engine import Engine, Result
 from btfcore.paint.foreground import Painter
 from btfcore.paint.outcome import painted
 from btfcore.progress import Progress, silent
 from btfcore.types import F8, I4
+
+AT_ONCE = 64  # points of a stroke between two calls of progress
 
 
 class Session:
@@ -45,8 +47,11 @@ class Session:
         """Draw on through `points` (n, 3); returns the vertices that changed.
 
         normals and pressure are given in every call or in none, as with the first point.
+        Raises `InvalidEdit` for points that make no sense; the session goes on without them.
         """
         self._check()
+        if np.size(points) == 0:
+            return np.zeros(0, np.int32)
         last = self._edit.area.strokes[-1]
         part = Stroke(
             np.array(points, np.float64).reshape(-1, 3), last.radius,
@@ -59,8 +64,14 @@ class Session:
         ):  # fmt: skip
             if (one is None) != (other is None):
                 raise InvalidEdit(f"{name} must be given for all points of a stroke or for none")
+        if sum(len(each[0]) for each in self._points) + len(part.points) > MOST_POINTS:
+            raise InvalidEdit(f"the stroke has more than {MOST_POINTS:,} points; finish it")
         self._points.append((part.points, part.normals, part.pressure))
-        return _union(self._painter.extend(part.points, part.normals, part.pressure))
+        try:
+            return _union(self._painter.extend(part.points, part.normals, part.pressure))
+        except BaseException:
+            self.cancel()
+            raise
 
     def finish(self, *, progress: Progress = silent) -> I4:
         """End the stroke and fill what it left; returns all vertices that the edit changed.
@@ -94,10 +105,17 @@ class Session:
             raise InvalidEdit("the stroke is finished or cancelled already")
 
 
-def draw(painter: Painter, stroke: Stroke) -> None:
-    """Draw a whole stroke."""
+def draw(painter: Painter, stroke: Stroke, progress: Progress = silent) -> None:
+    """Draw a whole stroke; the painter does not care how its points are dealt out."""
     painter.begin(stroke)
-    painter.extend(stroke.points, stroke.normals, stroke.pressure)
+    for begin in range(0, len(stroke.points), AT_ONCE):
+        progress(begin / len(stroke.points), "painting")
+        part = slice(begin, begin + AT_ONCE)
+        painter.extend(
+            stroke.points[part],
+            None if stroke.normals is None else stroke.normals[part],
+            None if stroke.pressure is None else stroke.pressure[part],
+        )
     painter.end()
 
 

@@ -6,7 +6,7 @@ import json
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from btfcore.errors import InvalidBtf
 
@@ -28,7 +28,13 @@ CONVENTIONS = (
     " mask: the feature, 65535 where it is whole."
 )
 
-_Text = Annotated[str, Field(max_length=4096)]
+
+def _written(value: Any) -> Any:
+    """Replace halves of characters, which names of files may have and no text file holds."""
+    return value.encode("utf-8", "replace").decode() if isinstance(value, str) else value
+
+
+Text = Annotated[str, BeforeValidator(_written), Field(max_length=4096)]
 _Count = Annotated[int, Field(ge=1, le=1 << 31)]
 _Finite = Annotated[float, Field(allow_inf_nan=False)]
 _Direction = Annotated[list[_Finite], Field(min_length=3, max_length=3)]
@@ -52,7 +58,7 @@ class Manifest(BaseModel):
 
     format: Literal["patina-btf-sample"]
     version: Annotated[int, Field(ge=1)]
-    name: _Text
+    name: Text
     width: _Count
     height: _Count
     images: _Count
@@ -61,13 +67,13 @@ class Manifest(BaseModel):
     tiles: bool = False
     texel_size_mm: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
     cosine: bool = True
-    licence: _Text = ""
-    citation: _Text = ""
-    origin: _Text = ""
-    notes: Annotated[list[_Text], Field(max_length=1000)] = []
+    licence: Text = ""
+    citation: Text = ""
+    origin: Text = ""
+    notes: Annotated[list[Text], Field(max_length=1000)] = []
     encoding: EncodingEntry | None = None
     error: _Finite | None = None
-    conventions: _Text = CONVENTIONS
+    conventions: Text = CONVENTIONS
 
     def directions(self) -> tuple[Any, Any]:
         """Views (V, 3) and lights (L, 3) f8."""

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from btfcore.errors import InvalidBtf
+from btfcore.errors import InvalidBtf, PatinaError
 
 LARGEST_HEADER = 1 << 20
 _KINDS = {
@@ -48,36 +48,34 @@ def header(tensors: Mapping[str, tuple[np.dtype[Any], Shape]]) -> bytes:
     return struct.pack("<Q", len(text)) + text
 
 
-def parse(head: bytes, total: int, where: str) -> tuple[dict[str, Tensor], int]:
+def parse(
+    head: bytes, total: int, where: str, error: type[PatinaError] = InvalidBtf
+) -> tuple[dict[str, Tensor], int]:
     """Tensors of a header, and the byte at which their data begins.
 
     head : the file's first bytes, at least the header; total : the file's size. Raises
-    `InvalidBtf`, beginning with `where`, where sizes, kinds or offsets do not fit.
+    `error`, beginning with `where`, where sizes, kinds or offsets do not fit.
     """
     if total < 8 or len(head) < 8:
-        raise InvalidBtf(f"{where}: {total} bytes are too few for a tensor file")
+        raise error(f"{where}: {total} bytes are too few for a tensor file")
     (length,) = struct.unpack("<Q", head[:8])
     if length > min(LARGEST_HEADER, total - 8):
-        raise InvalidBtf(
-            f"{where}: a tensor header of {length:,} bytes in a file of {total:,} bytes"
-        )
+        raise error(f"{where}: a tensor header of {length:,} bytes in a file of {total:,} bytes")
     try:
         entries = json.loads(head[8 : 8 + length].decode("utf-8"))
         if not isinstance(entries, dict):
             raise ValueError("not an object")
         entries.pop("__metadata__", None)
         found = {name: _tensor(name, entry, total - 8 - length) for name, entry in entries.items()}
-    except (ValueError, KeyError, TypeError, RecursionError, UnicodeDecodeError) as error:
-        raise InvalidBtf(f"{where}: the tensor header makes no sense: {error}") from None
+    except (ValueError, KeyError, TypeError, RecursionError, UnicodeDecodeError) as why:
+        raise error(f"{where}: the tensor header makes no sense: {why}") from None
     place = 0
     for name, tensor in sorted(found.items(), key=lambda item: item[1].start):
         if tensor.start != place:
-            raise InvalidBtf(f"{where}: tensor {name!r} begins at {tensor.start}, not at {place}")
+            raise error(f"{where}: tensor {name!r} begins at {tensor.start}, not at {place}")
         place += tensor.size
     if place != total - 8 - length:
-        raise InvalidBtf(
-            f"{where}: the tensors have {place:,} bytes, the file {total - 8 - length:,}"
-        )
+        raise error(f"{where}: the tensors have {place:,} bytes, the file {total - 8 - length:,}")
     return found, 8 + length
 
 

@@ -66,7 +66,7 @@ def write_package(
         body = _factor_tensors(sample, sample.factors, full_floats)
     else:
         body = _image_tensors(sample, full_floats, progress)
-    manifest = to_json(_manifest(sample, sample.factors if contents == "factors" else None))
+    manifest = to_json(manifest_of(sample, sample.factors if contents == "factors" else None))
     with atomic_output(path) as handle, zipfile.ZipFile(handle, "w") as archive:
         add_member(archive, handle, "manifest.json", len(manifest), [manifest])
         if preview is not None:
@@ -83,7 +83,8 @@ def _joined(body: _Tensors) -> Iterator[bytes]:
     yield from body.pieces
 
 
-def _manifest(sample: BtfSample, factors: BtfFactors | None) -> Manifest:
+def manifest_of(sample: BtfSample, factors: BtfFactors | None) -> Manifest:
+    """Everything about a sample but its tensors; factors: those that are stored, if any."""
     height, width = sample.shape
     encoding = None
     error = None
