@@ -43,6 +43,10 @@ def paint(
             help="Side of the texture: of a mesh to paint at (512), of a project to export."
         ),
     ] = None,
+    export_rate: Annotated[
+        int | None,
+        typer.Option(help="Export at this side: the same picture at a finer or coarser scale."),
+    ] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of the background.")] = None,
     guide: Annotated[
         Path | None, typer.Option(help="JSON list of {position, direction} for the field.")
@@ -98,7 +102,8 @@ def paint(
             check_output(output)
             with clock.phase("export"):
                 export_document(
-                    output, painting, rate=rate, dense_shape=dense,
+                    output, painting, dense_shape=dense,
+                    rate=export_rate or (rate if stored else None),
                     progress=lambda fraction, label: heeding(0.8 + 0.2 * fraction, label),
                 )  # fmt: skip
         if preview is not None:

@@ -45,6 +45,7 @@ def energy(
     vertices: I4 | None = None,
     *,
     any_sample: bool = False,
+    asked: F8 | None = None,
     unit: float | None = None,
 ) -> Energy:
     """Energy of a quilt for the constraint `target` (n,) m_0 at `vertices` (n,), None: all.
@@ -52,12 +53,14 @@ def energy(
     Only features of `sample` satisfy the constraint (F shall be textured by S_f alone, Zhou
     §IV-A); those of other samples count as background where they are asked for, and as what
     they are elsewhere. With `any_sample` all count as what they are, for where features that
-    are there shall stay. Bare vertices cost nothing.
+    are there shall stay; with `asked` (n,) those do where it is below ½, whatever m_0 is. Bare
+    vertices cost nothing.
     """
     if vertices is None:
         vertices = np.arange(len(state.patch), dtype=np.int32)
     covered = state.patch[vertices] >= 0
-    asked = np.zeros(len(target)) if any_sample else target
+    if asked is None:
+        asked = np.zeros(len(target)) if any_sample else target
     shown = feature_of(state, palette, sample, vertices, asked)
     constraint = float(np.abs(shown - target)[covered].sum())
     costs = vertex_costs(

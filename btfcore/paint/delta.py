@@ -44,8 +44,8 @@ class Delta(Frozen):
 
     vertices (n,) i4, ascending: those written; before, after: their values; writers (n,) i4:
     tokens of the deltas that wrote them last before this one; reads (r,) i4, ascending: all
-    vertices that the edit looked at, and read_writers (r,) i4 who had written those; token:
-    this delta's own.
+    vertices that the edit looked at, and read_writers (r,) i4 who had written those; wanted
+    (r,) f4: the constraint m_0 at the vertices looked at; token: this delta's own.
     """
 
     vertices: I4
@@ -54,6 +54,7 @@ class Delta(Frozen):
     writers: I4
     reads: I4
     read_writers: I4
+    wanted: F4
     token: int
 
     def fits(self, writer: I4) -> bool:
@@ -73,7 +74,7 @@ class Delta(Frozen):
     @property
     def nbytes(self) -> int:
         """Memory held."""
-        arrays = (self.vertices, self.writers, self.reads, self.read_writers)
+        arrays = (self.vertices, self.writers, self.reads, self.read_writers, self.wanted)
         return sum(each.nbytes for each in arrays) + self.before.nbytes + self.after.nbytes
 
 
@@ -122,8 +123,11 @@ class Recorder:
         self._kept.clear()
         self._written[:] = False
 
-    def finish(self, token: int) -> Delta:
-        """Return what was noted; vertices whose values are what they were are left out."""
+    def finish(self, token: int, wanted: F4 | None = None) -> Delta:
+        """Return what was noted; vertices whose values are what they were are left out.
+
+        wanted (r,): m_0 at the vertices `looked`; None: 0.
+        """
         net, state, writer = self._net, self._state, self._writer
         changed = self.changed
         at = np.argsort(changed, kind="stable")
@@ -140,7 +144,8 @@ class Recorder:
         reads = self.looked
         writers, read_writers = writer[vertices], writer[reads]
         writer[vertices] = token
-        return Delta(vertices, before, after, writers, reads, read_writers, token)
+        wanted = np.zeros(len(reads), np.float32) if wanted is None else wanted
+        return Delta(vertices, before, after, writers, reads, read_writers, wanted, token)
 
 
 def values_of(net: Connectivity, state: QuiltState, vertices: I4) -> Values:
@@ -220,11 +225,17 @@ def _rows(indptr: I4, vertices: I4) -> I4:
 
 def _same(indptr: I4, vertices: I4, before: Values, after: Values) -> NDArray[np.bool_]:
     """Vertices (n,) all of whose values are the same bits."""
-    same = (before.source == after.source).all(axis=1) & (before.angle == after.angle)
+    same = (_bits(before.source) == _bits(after.source)).all(axis=1)
+    same &= _bits(before.angle) == _bits(after.angle)
     same &= (before.sample == after.sample) & (before.patch == after.patch)
-    other = (before.ghost != after.ghost).any(axis=1)
+    other = (_bits(before.ghost) != _bits(after.ghost)).any(axis=1)
     same[_rows(indptr, vertices)[other]] = False
     return np.asarray(same)
+
+
+def _bits(values: F4) -> NDArray[np.uint32]:
+    """Numbers as their bits, in which 0 and -0 differ and NaN is itself."""
+    return np.ascontiguousarray(values).view(np.uint32)
 
 
 def _part(indptr: I4, vertices: I4, values: Values, stay: NDArray[np.bool_]) -> Values:

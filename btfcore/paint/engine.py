@@ -27,7 +27,7 @@ from btfcore.quilt.layout import Layout
 from btfcore.quilt.parameters import QuiltParameters
 from btfcore.quilt.state import QuiltState
 from btfcore.quilt.synthesize import LARGEST, Synthesizer
-from btfcore.types import I4, Prepared, Quilt, Sample
+from btfcore.types import F4, I4, Prepared, Quilt, Sample
 
 FIRST_ID = 1 << 20  # patch ids of edits begin here; the background's are below
 IDS = 1 << 16  # patch ids of one edit
@@ -222,10 +222,10 @@ class Engine:
         if self.state.patches >= self._last_id:
             raise InvalidEdit(f"the edit needs more than {IDS - 1} patches; divide it")
 
-    def finish(self) -> Delta:
-        """Return what the running edit did."""
+    def finish(self, wanted: F4 | None = None) -> Delta:
+        """Return what the running edit did; wanted: m_0 at the vertices that it looked at."""
         self.tokens += 1
-        delta = self.recorder.finish(self.tokens)
+        delta = self.recorder.finish(self.tokens, wanted)
         self._recorder = None
         return delta
 

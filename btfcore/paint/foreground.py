@@ -200,9 +200,13 @@ class Painter:
         """Dabs that met no surface."""
         return self._skipped
 
+    def asked(self, vertices: I4) -> F8:
+        """m_0 (n,) f8 of the edit's own area alone."""
+        return self.wanted[vertices].astype(np.float64)
+
     def target(self, vertices: I4) -> F8:
         """m_0 (n,) f8, features that are there already included where they are protected."""
-        asked = self.wanted[vertices].astype(np.float64)
+        asked = self.asked(vertices)
         if self.edit.protect:
             np.maximum(asked, self.before.feature(vertices), out=asked)
         return asked
@@ -210,9 +214,8 @@ class Painter:
     def _present(self, vertices: I4) -> F8:
         engine = self.engine
         return feature_of(
-            engine.state, engine.palette, self.edit.sample, vertices,
-            self.wanted[vertices].astype(np.float64),
-        )  # fmt: skip
+            engine.state, engine.palette, self.edit.sample, vertices, self.asked(vertices)
+        )
 
     def _aim(self, patch: FlatPatch) -> Aim:
         order, inner = patch.order, patch.inner

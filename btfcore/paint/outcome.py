@@ -41,7 +41,7 @@ def painted(engine: Engine, painter: Painter, edit: PaintEdit, progress: Progres
 
     return concluded(
         engine, painter.composer.tally, edit.sample, edit.weight, painter.target, area, reached,
-        notes,
+        notes, asked=painter.asked,
     )  # fmt: skip
 
 
@@ -56,24 +56,27 @@ def concluded(
     notes: list[str],
     *,
     any_sample: bool = False,
+    asked: Callable[[I4], F8] | None = None,
 ) -> Result:
     """End the running edit and measure what it left against what was there.
 
     target: m_0 of vertices; area: those that it was asked for, reached: how many of them are
-    as wanted; any_sample: see `constrained.energy`.
+    as wanted; any_sample, asked: see `constrained.energy`.
     """
     looked = engine.recorder.looked
-    wanted = target(looked)
+    stored = target(looked).astype(np.float32)
+    wanted = stored.astype(np.float64)  # so that E is what anybody finds from what is stored
     found = reached()
 
     def measured() -> Energy:
         return energy(
             engine.net, engine.state, engine.palette, sample, wanted, looked,
-            any_sample=any_sample, unit=engine.unit(sample),
+            any_sample=any_sample, asked=None if asked is None else asked(looked),
+            unit=engine.unit(sample),
         )  # fmt: skip
 
     after = measured()
-    delta = engine.finish()
+    delta = engine.finish(stored)
     delta.take_off(engine.net, engine.state, engine.writer)
     before = measured()  # where this fails, the quilt is as it was
     delta.put_on(engine.net, engine.state, engine.writer)

@@ -118,7 +118,12 @@ def gathered(
             places, ghosts = odd_ghosts(net, ground.state, slots)
             _add(parts, prefix, values, places, ghosts)
             counts[prefix] = len(places)
-        for name in ("vertices", "reads", *(() if plain else ("writers", "read_writers"))):
+        for name in (
+            "vertices",
+            "reads",
+            "wanted",
+            *(() if plain else ("writers", "read_writers")),
+        ):
             parts.setdefault(name, []).append(getattr(delta, name))
         on = stored.edit.visible
         put(net, ground.state, delta.vertices, delta.after if on else here)
@@ -160,6 +165,7 @@ def shapes(
         out[prefix + "ghost_slots"] = (whole, (ghosts,))
         out[prefix + "ghosts"] = (np.dtype(np.float32), (ghosts, 2))
     out["vertices"], out["reads"] = (whole, (vertices,)), (whole, (reads,))
+    out["wanted"] = (np.dtype(np.float32), (reads,))
     out["writers"] = (whole, (sum(each.vertices for each in own),))
     out["read_writers"] = (whole, (sum(each.reads for each in own),))
     return {name: each for name, each in out.items() if each[1][0]}
@@ -184,6 +190,7 @@ def scattered(
         try:
             vertices = _ascending("vertices", take("vertices", entry.vertices), len(net.indptr) - 1)
             reads = _ascending("reads", take("reads", entry.reads), len(net.indptr) - 1)
+            wanted = take("wanted", entry.reads, np.float32)
             here = values_of(net, ground.state, vertices)
             after = _values(ground, vertices, take, "", entry.vertices, entry.ghosts)
             if entry.plain:
@@ -199,7 +206,7 @@ def scattered(
         put(net, ground.state, vertices, after if visible else here)
         if visible:
             ground.writer[vertices] = entry.token
-        yield Delta(vertices, before, after, writers, reads, read_writers, entry.token)
+        yield Delta(vertices, before, after, writers, reads, read_writers, wanted, entry.token)
 
 
 class _Rows:

@@ -136,6 +136,8 @@ def edits(manifest: schema.ProjectManifest, here: Arrays) -> None:
         if f"{prefix}patch" in here:
             _within("patches of edits", here[f"{prefix}patch"], -1, 2**31 - 1)
             _samples(here[f"{prefix}sample"], manifest)
+    if "wanted" in here:
+        _within("m_0", here["wanted"], 0, 1)
     for name in ("writers", "read_writers"):
         if name in here:
             _within(name, here[name], -1, 2**31 - 1)

@@ -32,7 +32,8 @@ CONVENTIONS = (
     " numbered by its first vertex and then its last: where its patch continued would put the"
     " other end. It is stored for the half-edges of ghost_slots; elsewhere it is the other end's"
     " source where both are of one patch, and 0 where not. edits: of all edits in a row, the"
-    " vertices that each wrote, their values after it, and the vertices that it read; before_*,"
+    " vertices that each wrote, their values after it, and the vertices that it read with the"
+    " constraint m_0 that it wanted there; before_*,"
     " writers and read_writers only for edits that do not fit the ground which the visible ones"
     " below them make."
 )
