@@ -148,7 +148,8 @@ class PaintEdit(Edit):
 
     sample: which of the document's samples; weight: λ of the constraint energy; transition:
     width in world units of the zone, centred on the area's edge, over which m_0 falls from 1
-    to 0 (None: the feature's own half-width; 0: abrupt); orientation: the sample follows the
+    to 0 (None: the feature's own half-width, but no more than a brush's radius; 0: abrupt);
+    orientation: the sample follows the
     field, or the best of 24 turns is searched, or the feature follows the stroke, or "auto":
     searched where the sample's background has no orientation of its own; protect:
     features that are there already are wanted too; work_patch: radius of a patch in levels

@@ -83,8 +83,11 @@ class Painter:
 
     def begin(self, stroke: Stroke) -> None:
         """Begin a stroke of the radius and hardness of `stroke`, without its points."""
-        wide = zone(stroke.radius / self.engine.step, stroke.hardness, self.width)
-        size = self._size(stroke.radius / self.engine.step)
+        brush = stroke.radius / self.engine.step
+        # a zone wider than the brush would leave nothing that is wanted wholly
+        width = min(self.width, brush) if self.edit.transition is None else self.width
+        wide = zone(brush, stroke.hardness, width)
+        size = self._size(brush)
         self._largest = max(self._largest, size)
         self._tracks = []
         for _ in self._images:
