@@ -21,8 +21,8 @@ from btfcore.quilt.recut import Recut, recut
 from btfcore.quilt.register import fit_warp, warped
 from btfcore.types import F4, F8, I4
 
-PLACEMENTS = 2  # local minima that are cut
-EXTENDED = 1  # patches of the same sample that a new one may carry on
+PLACEMENTS = 3  # local minima that are cut
+EXTENDED = 2  # patches of the same sample that a new one may carry on
 REACH, ROUNDS = 1.5, 6  # registration: texels that it may shift by, its steps
 REGISTERED = 1200  # vertices that a registration looks at, about
 FORCE = 1e5  # of the normaliser: what it costs to leave a vertex that must change

@@ -24,6 +24,7 @@ from btfcore.patch.flatten import FlatPatch
 from btfcore.patch.grow import grow, release
 from btfcore.progress import Progress, silent
 from btfcore.quilt.lay import Lay
+from btfcore.quilt.recut import vertex_costs
 from btfcore.types import F4, F8, I4
 
 SEARCHED = 24  # orientations tried where the sample has none of its own
@@ -33,6 +34,8 @@ SPACING, AHEAD = 1.0, 0.5  # between patches along a stroke, and the brush's lea
 TRIES = 2  # patches that may be centred near a place, the second smaller
 SMALLER = 0.7
 ENOUGH = 0.97  # share of the area that must be as wanted
+POLISH = 0.5  # patches that mend seams, of those placed before
+SEAM, DEAR = 0.4, 0.6  # radii of a place that is mended, and V/u per step of it that is worth it
 MOST_CELLS = 64  # along an axis, in which places are looked for
 WORTH = 0.04  # vertices lacking, per square of a patch's radius, that are worth another patch
 TURNS = {"field": (0.0,), "search": tuple(2 * np.pi * np.arange(SEARCHED) / SEARCHED)}
@@ -83,11 +86,11 @@ class Painter:
 
     def begin(self, stroke: Stroke) -> None:
         """Begin a stroke of the radius and hardness of `stroke`, without its points."""
-        brush = stroke.radius / self.engine.step
+        reach = stroke.radius / self.engine.step
         # a zone wider than the brush would leave nothing that is wanted wholly
-        width = min(self.width, brush) if self.edit.transition is None else self.width
-        wide = zone(brush, stroke.hardness, width)
-        size = self._size(brush)
+        width = min(self.width, reach) if self.edit.transition is None else self.width
+        wide = zone(reach, stroke.hardness, width)
+        size = self._size(reach)
         self._largest = max(self._largest, size)
         self._tracks = []
         for _ in self._images:
@@ -173,25 +176,68 @@ class Painter:
             tries[near] += 1
         return changed
 
-    def _densest(self, open_: I4) -> tuple[int, int]:
-        """Vertex amid the place where most of `open_` lie together, and how many these are."""
+    def polish(self, *, progress: Progress = silent) -> list[I4]:
+        """Cut the dearest seams that the edit left again, while that is worth it."""
+        engine, state, net = self.engine, self.engine.state, self.engine.net
+        changed: list[I4] = []
+        rest = np.zeros(len(self.wanted), np.bool_)
+        tries = round(POLISH * self.composer.tally.tries)
+        for at in range(tries):
+            progress(at / tries, "mending seams")
+            mine = engine.recorder.changed
+            mine = np.sort(mine[~rest[mine]])
+            costs = vertex_costs(
+                net.indptr, net.indices, mine, state.patch, state.source, state.ghost,
+                engine.palette.sheet, state.sample,
+            ) / engine.unit(self.edit.sample)  # fmt: skip
+            vertex, total = self._densest(mine, costs, SEAM * self._largest)
+            if total < DEAR * SEAM * self._largest:
+                break
+            fresh = self.composer.patch(
+                vertex, self._largest, self._open_aim, turns=TURNS.get(self._orientation, (0.0,))
+            )
+            changed.append(fresh)
+            near, _ = grow(
+                net.indptr, net.indices, vertex, max(int(SEAM * self._largest), 1),
+                engine.flattener.local, 10**9,
+            )  # fmt: skip
+            release(near, engine.flattener.local)
+            rest[near] = True
+        return changed
+
+    def _open_aim(self, patch: FlatPatch) -> Aim:
+        """As `_aim`, but what lies in the middle need not be continued."""
+        aim = self._aim(patch)
+        levels = min(max(patch.radius // 3, 1), len(patch.start) - 1)
+        known = aim.known.copy()
+        known[: int(patch.start[levels])] = False
+        return replace(aim, known=known, seams=True)
+
+    def _densest(
+        self, open_: I4, weight: F8 | None = None, side: float | None = None
+    ) -> tuple[int, float]:
+        """Vertex amid the place where most of `open_` lie together, and how many these are.
+
+        weight (n,): what each counts, None: 1; side: of a place in steps, None: of a patch.
+        """
         if not len(open_):
-            return -1, 0
+            return -1, 0.0
+        weight = np.ones(len(open_)) if weight is None else weight
         points = self.engine.prepared.dense.vertices[open_]
         low = points.min(axis=0)
         # cells no smaller than keeps their number bounded
         side = max(
-            max(self._largest, 1) * self.engine.step,
+            max(self._largest if side is None else side, 1.0) * self.engine.step,
             float((points.max(axis=0) - low).max()) / MOST_CELLS,
         )
         cell = ((points - low) / side).astype(np.int64)
         key = (cell[:, 0] * (MOST_CELLS + 1) + cell[:, 1]) * (MOST_CELLS + 1) + cell[:, 2]
-        counts = np.bincount(key)
+        counts = np.bincount(key, weight)
         most = int(counts.argmax())
         inside = np.flatnonzero(key == most)
-        middle = points[inside].mean(axis=0)
+        middle = np.average(points[inside], axis=0, weights=weight[inside])
         nearest = inside[int(((points[inside] - middle) ** 2).sum(axis=1).argmin())]
-        return int(open_[nearest]), int(counts[most])
+        return int(open_[nearest]), float(counts[most])
 
     @property
     def area(self) -> I4:

@@ -12,7 +12,7 @@ from btfcore.paint.constrained import Energy, energy
 from btfcore.paint.edits import PaintEdit
 from btfcore.paint.engine import Engine, Report, Result
 from btfcore.paint.foreground import Painter
-from btfcore.progress import Progress
+from btfcore.progress import Progress, between
 from btfcore.types import F8, I4
 
 UNLIKE = 1.5  # times as far from the background as the sample's own is worth a note
@@ -28,7 +28,8 @@ def painted(engine: Engine, painter: Painter, edit: PaintEdit, progress: Progres
         )
     if (engine.state.patch[area] < 0).all():
         raise InvalidEdit(f"{edit.name or 'the edit'}: nothing is synthesised yet in its area")
-    painter.fill(progress=progress)
+    painter.fill(progress=between(progress, 0.0, 0.8))
+    painter.polish(progress=between(progress, 0.8, 1.0))
     notes = []
     if painter.off_surface:
         notes.append(f"{painter.off_surface} places of the brush lie beside the surface")
