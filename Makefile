@@ -16,7 +16,7 @@ help:
 	@echo "make lint    ruff and mypy"
 	@echo "make format  let ruff lay out the code"
 	@echo "make bench   run time and error of each phase, against the paper's way"
-	@echo "make corpus  every mesh of ../shared/data: a valid result or a named error"
+	@echo "make corpus  every mesh of ../shared/data: a valid result or a named error; painting on all"
 	@echo "make fuzz    damaged sample files of every kind: a sample or a named error"
 	@echo "make samples bake the shipped samples anew from their recipes"
 	@echo "make setup   only install what is needed, into .venv"
@@ -54,6 +54,7 @@ bench: setup
 
 corpus: setup
 	$(BIN)/python tests/corpus.py $(ARGS)
+	$(BIN)/python tests/paint_corpus.py
 
 fuzz: setup
 	$(BIN)/python tests/fuzz.py $(ARGS)

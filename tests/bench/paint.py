@@ -118,12 +118,12 @@ def ring(document: Document, height: float = 0.45, count: int = 400) -> tuple[F8
 def stroke_over(document: Document, share: float) -> Stroke:
     """Return a stroke along the ring that covers `share` of the surface.
 
-    Its radius is the feature's half-width at rate 512, and in the same world units at others.
+    Its radius is the feature's half-width at rates up to 512, and as large as there above.
     """
     engine = document.engine
     points, normals = ring(document)
     natural = max(engine.palette.half_width(0) * engine.palette.grids[0].unit, 5.0)
-    at_512 = engine.step * document.prepared.dense.size / 512
+    at_512 = engine.step * max(document.prepared.dense.size / 512, 1.0)
     radius = natural * at_512 * (1.0 if share < 0.03 else 1.6)
     low, high = 2, len(points)
     while high - low > 1:
