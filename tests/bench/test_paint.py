@@ -6,9 +6,8 @@ import pytest
 from btfcore.paint import compose, foreground, matching
 from btfcore.paint.region import constrain
 from tests.bench import paint
-from tests.bench.table import markdown
 
-MESH, SAMPLE, RATE = "sphere.obj", "cracked-brick.btfz", 96
+MESH, SAMPLE, RATE = "sphere.obj", "cracked-brick.btfz", 192
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +30,6 @@ def test_strokes_are_measured_and_taken_back(document):
     assert row.moved == 0 and row.patches > 0 and 0.05 <= row.area < 0.09
     assert 0 < row.first_ms <= row.all_ms and row.step_ms <= row.all_ms
     assert 0 < row.E < 1 and 0.5 < row.reached <= 1 and row.thorough_E < 1.1
-    assert "| ---" in markdown(["a"], [["b"]])
 
 
 def test_the_reference_tries_more_and_the_knobs_come_back():
