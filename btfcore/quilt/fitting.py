@@ -15,7 +15,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from btfcore.mincut import minimum_cut
-from btfcore.quilt.metric import distance, half_edge
+from btfcore.patch.grow import near_levels
+from btfcore.quilt.metric import distance, half_edge, old_seam
 from btfcore.quilt.sheet import ANYWHERE, Sheet, single
 from btfcore.types import F4, I4, U2
 
@@ -165,35 +166,11 @@ def barred_places(barred: NDArray[np.bool_], frame: I4, place: F4) -> NDArray[np
     return out
 
 
-@njit(cache=True)
 def near_bare(
     indptr: I4, indices: I4, order: I4, local: I4, patch: I4, levels: int
 ) -> NDArray[np.bool_]:
     """Which vertices (n,) of a patch lie within `levels` levels of a bare one."""
-    count = len(order)
-    near = np.zeros(count, np.bool_)
-    queue = np.empty(count, np.int32)
-    depth = np.zeros(count, np.int32)
-    tail, head = 0, 0
-    for here in range(count):
-        if patch[order[here]] < 0:
-            near[here] = True
-            queue[tail] = here
-            tail += 1
-    while head < tail:
-        here = queue[head]
-        head += 1
-        if depth[here] == levels:
-            continue
-        vertex = order[here]
-        for slot in range(indptr[vertex], indptr[vertex + 1]):
-            other = local[indices[slot]]
-            if other >= 0 and not near[other]:
-                near[other] = True
-                depth[other] = depth[here] + 1
-                queue[tail] = other
-                tail += 1
-    return near
+    return np.asarray(near_levels(indptr, indices, order, local, patch[order] < 0, levels))
 
 
 @njit(cache=True)
@@ -299,13 +276,7 @@ def _graph(  # type: ignore[no-untyped-def]
                 tail[edges], head[edges], forward[edges] = me, seam, mine
                 tail[edges + 1], head[edges + 1], forward[edges + 1] = seam, node[other], theirs
                 edges += 2
-                keep[seam] = distance(
-                    sheet, colour, frames, a, source[p, 0], source[p, 1],
-                    b, ghost[back, 0], ghost[back, 1],
-                ) + distance(
-                    sheet, colour, frames, a, ghost[slot, 0], ghost[slot, 1],
-                    b, source[q, 0], source[q, 1],
-                )  # fmt: skip
+                keep[seam] = old_seam(sheet, colour, frames, a, b, source, ghost, p, q, slot, back)
                 continue
             # q keeps its old value whatever happens
             if same:
@@ -316,13 +287,7 @@ def _graph(  # type: ignore[no-untyped-def]
                     sheet, colour, frames, b, ghost[back, 0], ghost[back, 1],
                     fresh, place[here, 0], place[here, 1],
                 )  # fmt: skip
-                keep[me] += distance(
-                    sheet, colour, frames, a, source[p, 0], source[p, 1],
-                    b, ghost[back, 0], ghost[back, 1],
-                ) + distance(
-                    sheet, colour, frames, a, ghost[slot, 0], ghost[slot, 1],
-                    b, source[q, 0], source[q, 1],
-                )  # fmt: skip
+                keep[me] += old_seam(sheet, colour, frames, a, b, source, ghost, p, q, slot, back)
             change[me] += rim + (own[other] if other >= 0 and inside[other] else rim)
     total = count + extra
     return (

@@ -64,3 +64,18 @@ def half_edge(indptr: I4, indices: I4, tail: int, head: int) -> int:
         if indices[slot] == head:
             return slot
     return -1
+
+
+@njit(cache=True)
+def old_seam(  # type: ignore[no-untyped-def]
+    sheet, colour, frames, a, b, source, ghost, p, q, slot, back
+):
+    """V_pq of a seam that is there: between p of sample a and q of sample b (Zhou §IV-A).
+
+    source (N, 2) and ghost (M, 2): the quilt; slot, back: half-edges p→q and q→p.
+    """
+    return distance(
+        sheet, colour, frames, a, source[p, 0], source[p, 1], b, ghost[back, 0], ghost[back, 1]
+    ) + distance(
+        sheet, colour, frames, a, ghost[slot, 0], ghost[slot, 1], b, source[q, 0], source[q, 1]
+    )

@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from btfcore.mincut import minimum_cut
-from btfcore.quilt.metric import distance, half_edge
+from btfcore.quilt.metric import distance, half_edge, old_seam
 from btfcore.quilt.sheet import Sheet, single
 from btfcore.types import F4, F8, I4, U2
 
@@ -126,13 +126,7 @@ def _graph(  # type: ignore[no-untyped-def]
             was = 0.0
             if patch[p] != patch[q]:
                 back = half_edge(indptr, indices, q, p)
-                was = distance(
-                    sheet, colour, frames, b, ghost[back, 0], ghost[back, 1],
-                    a, source[p, 0], source[p, 1],
-                ) + distance(
-                    sheet, colour, frames, a, ghost[slot, 0], ghost[slot, 1],
-                    b, source[q, 0], source[q, 1],
-                )  # fmt: skip
+                was = old_seam(sheet, colour, frames, a, b, source, ghost, p, q, slot, back)
                 mine = own[here] + distance(
                     sheet, colour, frames, a, ghost[slot, 0], ghost[slot, 1],
                     fresh, place[other, 0], place[other, 1],
