@@ -120,6 +120,8 @@ def look_closely(  # type: ignore[no-untyped-def]
                 if down == 0 and across == 0:
                     continue
                 x, y = centre_column + step * across, centre_row + step * down
+                if x < 0 or y < 0 or x > feature.shape[1] - 1 or y > feature.shape[0] - 1:
+                    continue  # the centre itself must be covered
                 cost = joint_cost(
                     match, feature, points, values, known, target, x, y, scale, constraint
                 )

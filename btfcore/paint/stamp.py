@@ -101,7 +101,7 @@ class Stamper:
         before = Before(engine)
         wanted = np.zeros(len(engine.state.patch), np.float32)
         images, missed = self._images(edit)
-        notes = [f"{missed} images of the symmetry lie beside the surface"] if missed else []
+        notes = []
         if part.cut:
             notes.append("the feature touches the sample's border and ends there as if cut off")
         for at, image in enumerate(images):
@@ -110,15 +110,20 @@ class Stamper:
             order, inside = found.disc.order, found.alpha > SHOWN
             engine.recorder.reads(order[inside])
             if not (engine.state.patch[order[inside]] >= 0).any():
-                raise InvalidEdit(
-                    f"{edit.name or 'the stamp'}: its feature meets nothing that is synthesised"
-                )
+                missed += 1
+                continue
             notes += self._warnings(found, part, edit)
             wanted[order] = np.maximum(wanted[order], found.alpha)
             near, way = self._rim(found)
             place = self._placed(near.plane, edit.sample, found.at)
             target = _alpha(part, place, near.plane, way)
             composer.place(near, self._aim(edit, before, target), found.at)
+        if not wanted.any():
+            raise InvalidEdit(
+                f"{edit.name or 'the stamp'}: its feature meets nothing that is synthesised"
+            )
+        if missed:
+            notes.append(f"{missed} images of the symmetry lie beside what is synthesised")
         area = np.flatnonzero(wanted > 0.5).astype(np.int32)
 
         def target_of(vertices: I4) -> F8:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from btfcore.paint.delta import slots_of
@@ -60,3 +61,85 @@ def mask_of(engine: Engine, vertices: I4) -> NDArray[np.bool_]:
     flags = np.zeros(len(engine.net.indptr) - 1, np.bool_)
     flags[vertices] = True
     return flags
+
+
+def foreign_of(engine: Engine) -> NDArray[np.bool_]:
+    """Vertices (N,) synthesised from a sample that is no background there."""
+    state = engine.state
+    if state.layout is None:
+        return (state.patch >= 0) & (state.sample != 0)
+    allowed = state.layout.allowed
+    known = np.minimum(state.sample, len(allowed) - 1)
+    own = (state.sample < len(allowed)) & allowed[known, np.arange(len(known))]
+    return (state.patch >= 0) & ~own
+
+
+def orphans(
+    engine: Engine,
+    before: Before,
+    unwanted: NDArray[np.bool_],
+    foreign: NDArray[np.bool_],
+    reach: int,
+) -> I4:
+    """Pieces of foreign background that are left without a feature, ascending.
+
+    Connected `foreign` vertices (N,) that touch those that are `unwanted` (N,), show none by half,
+    and lie within `reach` edges of them.
+    """
+    net, stray = engine.net, foreign & ~unwanted
+    begin = neighbours(engine, np.flatnonzero(unwanted).astype(np.int32))
+    found = edge = begin[stray[begin]]
+    seen = mask_of(engine, found)
+    for _ in range(reach - 1):
+        edge = neighbours(engine, edge)
+        edge = edge[stray[edge] & ~seen[edge]]
+        if not len(edge):
+            break
+        seen[edge] = True
+        found = np.concatenate([found, edge])
+    if not len(found):
+        return found
+    engine.recorder.reads(neighbours(engine, found))
+    engine.recorder.reads(found)
+    kept = before.feature(found) > 0.5
+    if len(edge):  # reached the end: what goes on beyond is kept
+        ahead = neighbours(engine, edge)
+        beyond = mask_of(engine, ahead[stray[ahead] & ~seen[ahead]])
+        kept |= _touching(net.indptr, net.indices, found, beyond)
+    alone = _without(net.indptr, net.indices, found, kept, np.full(len(seen), -1, np.int32))
+    return np.sort(found[alone])
+
+
+@njit(cache=True)
+def _touching(indptr, indices, vertices, inside):  # type: ignore[no-untyped-def]
+    """Which of `vertices` (n,) have a neighbour `inside` (N,)."""
+    found = np.zeros(len(vertices), np.bool_)
+    for index in range(len(vertices)):
+        for slot in range(indptr[vertices[index]], indptr[vertices[index] + 1]):
+            if inside[indices[slot]]:
+                found[index] = True
+    return found
+
+
+@njit(cache=True)
+def _without(indptr, indices, vertices, marked, local):  # type: ignore[no-untyped-def]
+    """Which of `vertices` (n,) are joined to none that is `marked` (n,); local (N,): -1."""
+    for index in range(len(vertices)):
+        local[vertices[index]] = index
+    reached = marked.copy()
+    queue = np.empty(len(vertices), np.int32)
+    head = tail = 0
+    for index in range(len(vertices)):
+        if marked[index]:
+            queue[tail] = index
+            tail += 1
+    while head < tail:
+        vertex = vertices[queue[head]]
+        head += 1
+        for slot in range(indptr[vertex], indptr[vertex + 1]):
+            other = local[indices[slot]]
+            if other >= 0 and not reached[other]:
+                reached[other] = True
+                queue[tail] = other
+                tail += 1
+    return ~reached

@@ -131,25 +131,6 @@ class Flattener:
             return self._rescue(order, start, plane, kind, wanted, sound)
         return self._shrink(order, start, plane, kind, wanted, sound)
 
-    def whole(self, seed: int, radius: int) -> FlatPatch:
-        """Patch of `radius` levels by the exponential map alone, however distorted it is.
-
-        For what must not be cut smaller: a feature that is copied verbatim.
-        """
-        net, local = self.net, self.local
-        order, start = grow(net.indptr, net.indices, seed, radius + 1, local, MAX_VERTICES)
-        self._reason = ""
-        plane = _in_chart(
-            net.indptr, net.indices, order, local, self._texel, self._chart, self._texel_steps
-        )
-        kind = "chart"
-        if not len(plane):
-            plane, _ = exponential_map(
-                net.indptr, net.indices, net.edge, net.turn, order, start, local
-            )
-            kind = "expmap"
-        return self._cut(order, start, plane, kind, max(len(start) - 3, 1), 0)
-
     def _rescue(
         self, order: I4, start: I4, plane: F8, kind: str, wanted: int, sound: int
     ) -> FlatPatch:

@@ -11,7 +11,9 @@ from scipy.ndimage import gaussian_filter
 from btfcore.paint.document import Document
 from btfcore.paint.edits import Area, Stroke
 from btfcore.paint.engine import Engine, copied
+from btfcore.patch.connectivity import connect
 from btfcore.pipeline import load_mesh, prepare
+from btfcore.quilt.layout import Borders, lay_out
 from btfcore.quilt.parameters import QuiltParameters
 from btfcore.quilt.synthesize import Synthesizer
 from btfcore.types import F4, Prepared, Sample
@@ -87,6 +89,26 @@ def document(mesh: str = "spot.obj", rate: int = 96, *, budget_mb: float = 256.0
         Engine.over(ready(mesh, rate), (cracked(), spotted()), _made(mesh, rate, "cracked")),
         budget_mb=budget_mb,
     )
+
+
+@cache
+def _divided(hard: bool, rate: int) -> Synthesizer:
+    prepared = ready("spot.obj", rate)
+    knobs = QuiltParameters(features=False, work_patch=16)
+    region = (prepared.dense.vertices[:, 1] > 0.1).astype(np.int32)
+    net = connect(prepared.dense, prepared.field)
+    layout = lay_out(net, region, [0, 1], Borders.all(hard), knobs.border)
+    made = Synthesizer(
+        prepared.dense, prepared.field, (cracked(), spotted()), knobs, layout=layout
+    )  # fmt: skip
+    made.run()
+    return made
+
+
+def divided(*, hard: bool, rate: int = 96) -> Document:
+    """Background of the cracked sample below and of the spotted one above."""
+    made = _divided(hard, rate)
+    return Document(Engine.over(ready("spot.obj", rate), (cracked(), spotted()), made))
 
 
 def stroke(

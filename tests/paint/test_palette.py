@@ -9,9 +9,9 @@ from btfcore.errors import InvalidImage, InvalidParameter
 from btfcore.paint.palette import feature_at, palette_of, values_at
 from btfcore.patch.connectivity import connect
 from btfcore.quilt.candidates import CandidateFinder
-from btfcore.quilt.fitting import _distance
 from btfcore.quilt.layout import Borders, lay_out
 from btfcore.quilt.matching import Matcher
+from btfcore.quilt.metric import distance
 from btfcore.quilt.parameters import QuiltParameters
 from btfcore.quilt.synthesize import Synthesizer
 from btfcore.types import Sample
@@ -62,7 +62,7 @@ def test_all_samples_compare_in_all_channels(palette):
             np.array([bilinear(SAMPLES[which].channels[..., k], place[None])[0] for k in range(5)])
             for which, place in ((a, at), (b, to))
         )
-        found = _distance(sheet.cut, sheet.colour, sheet.frames, a, *at, b, *to)
+        found = distance(sheet.cut, sheet.colour, sheet.frames, a, *at, b, *to)
         assert found == pytest.approx(np.linalg.norm(one - two), abs=1e-5)
 
 
