@@ -125,10 +125,10 @@ def add_samples(
     """Bring samples to paint with; returns their numbers.
 
     A sample that is there already under the same name, with the same texels, mask and scale, is
-    not brought again. Where a picture comes to BTFs, or a BTF of other directions, all samples
-    are compared by their colours from then on; edits that there are get computed anew, and the
-    history of undo ends: so bring all samples first. Raises `InvalidEdit` where another
-    sample has the name, and as `btfcore.samples.load_paint_sample` does.
+    not brought again. Where a picture comes to BTFs, or a BTF that cannot be compared with the
+    first (`btfcore.btf.joint`), all go by their colours from then on; edits that there are get
+    computed anew, and the history of undo ends: so bring all samples first. Raises `InvalidEdit`
+    where another sample has the name, and as `btfcore.samples.load_paint_sample` does.
     """
     document, engine = painting.document, painting.document.engine
     notes: list[str] = []

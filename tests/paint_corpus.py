@@ -148,6 +148,8 @@ def main() -> int:
                 found = painted(mesh, sample, chosen.rate)
             except PatinaError as error:
                 found = [] if len(mesh.faces) < 2 else [f"cannot be painted on: {error}"]
+            except Exception as error:  # a crash is a fault of one mesh, not of the others
+                found = [f"{type(error).__name__}: {error}"]
             count += 1
             wrong += bool(found)
             seconds = time.monotonic() - began

@@ -121,7 +121,9 @@ DOORS = {
     "PIL": ("btfcore.btf.pillow_door", "btfcore.files.png", "app"),
     "OpenImageIO": ("btfcore.btf.oiio_door", "btfcore.files.exr"),
     "pydantic": (
-        "btfcore.files.package.manifest", "btfcore.files.edits_json", "btfcore.files.edits_schema",
+        "btfcore.files.package.manifest",
+        "btfcore.files.edits_json",
+        "btfcore.files.edits_schema",
         "btfcore.files.project",
     ),
     "mitsuba": (),

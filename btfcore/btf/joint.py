@@ -13,13 +13,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from btfcore.btf.appearance import frontal_colours, quilting_sample
+from btfcore.btf.factor.stack import FactorStack
 from btfcore.btf.factor.symmetric import add_gram, eigen, product, turned
+from btfcore.btf.recode import recode
+from btfcore.btf.resample import Blend, blend, expected_error, resample, same_images
 from btfcore.btf.sample import BtfFactors, BtfSample, Encoding
 from btfcore.errors import InvalidBtf, InvalidParameter
 from btfcore.progress import Progress, between, silent
 from btfcore.types import F4, F8, Sample
 
-SAME = 1e-4  # how far apart the parts of two directions may be that are one and the same
 LEAST = 1e-3  # share of a sample's variance that a direction of its own must carry
 _ROUNDING = 1e-10  # share of the greatest below which a squared length is rounding
 
@@ -41,78 +43,96 @@ def common_channels(
 ) -> tuple[tuple[Sample, ...], tuple[str, ...]]:
     """Return `samples` with channels (H, W, K) f4 of one space, K the same for all, and notes.
 
-    BTFs with the same directions, images and encoding: the root mean square distance of the
-    coded images, as `btfcore.btf.appearance.quilting_sample` has it within one sample. The
-    first sample's channels are those of `quilting_sample`. Every further one has its
-    coordinates in the space so far (its mean image included), then those in an orthonormal
-    basis of what is left of it, principal directions first; directions that carry less than
-    0.1 % of its variance are left out (nine samples of 28–40 factors: 90 channels, distances
-    within 0.3–0.5 % in the mean and 2 % at most). So a sample's channels are the same bits whatever
-    comes after it, but for zeros behind them. Samples without factors are factorised with
-    the first one's encoding.
+    BTFs: the root mean square distance of the images in the first sample's code, as
+    `btfcore.btf.appearance.quilting_sample` has it within one sample. The first sample's
+    channels are those of `quilting_sample`. Every further one has its coordinates in the space
+    so far (its mean image included), then those in an orthonormal basis of what is left of it,
+    principal directions first; directions that carry less than 0.1 % of its variance are left
+    out (nine samples of 28–40 factors: 90 channels, distances within 0.3–0.5 % in the mean and
+    2 % at most). So a sample's channels are the same bits whatever comes after it, but for zeros
+    behind them. Samples without factors are factorised with the encoding of the first that has
+    some. Those of another encoding than the first are coded anew (`btfcore.btf.recode`), those
+    of other directions are interpolated at the first one's (`btfcore.btf.resample`), with a note
+    that says how good that is.
 
-    Pictures: their colours. A mixture, or BTFs of other directions or encodings: for all of
-    them the sRGB colours seen from above, and a note that says why. Raises `InvalidParameter`
-    where there is no sample, `InvalidBtf` as `quilting_sample` does.
+    Pictures: their colours. A mixture, or BTFs of which one does not reach the first one's
+    directions, or differs in whether the light's cosine is included: for all of them the sRGB
+    colours seen from above, and a note that says why. Raises `InvalidParameter` where there is
+    no sample, `InvalidBtf` as `quilting_sample` does.
     """
     if len(samples) == 0:
         raise InvalidParameter("no sample to find common channels for")
-    why = _misfit(samples)
+    why, blends = _fits(samples)
     if why is None and not samples[0].is_image:
-        ready = factorised(samples, rank, memory_mb, progress)
-        why = _other_encoding(ready)
-        if why is None:
-            return _joint(ready), ()
+        ready = factorised(samples, rank, memory_mb, between(progress, 0.0, 0.5))
+        found, notes = [], []
+        for number, (sample, onto) in enumerate(zip(ready, blends, strict=True)):
+            done = [0.5 + 0.5 * (number + k) / len(ready) for k in (0, 1)]
+            factors, told = _alike(
+                sample, ready[0], onto, rank, memory_mb, between(progress, *done)
+            )
+            found.append(factors)
+            notes += told
+        return _joint(ready, found), tuple(notes)
     alike = all(sample.is_image for sample in samples)
     plain = tuple(_coloured(sample) for sample in samples)
     note = f"{why}: samples are compared by their colours seen from above"
     return plain, () if alike else (note,)
 
 
-def _misfit(samples: Sequence[BtfSample]) -> str | None:
-    """Why the samples' images cannot be compared one by one; None where they can."""
+def _fits(samples: Sequence[BtfSample]) -> tuple[str | None, list[Blend | None]]:
+    """Why the samples' images cannot be compared, or None; how to mix each one's for that.
+
+    None in place of a mixture: the images are the first sample's, one by one.
+    """
     first = samples[0]
-    for other in samples[1:]:
+    onto: list[Blend | None] = [None] * len(samples)
+    for number, other in enumerate(samples[1:], 1):
         if first.is_image != other.is_image:
             one, two = (first, other) if first.is_image else (other, first)
-            return f"{one.name} is a picture, {two.name} a BTF"
-        for what, a, b in (
-            ("view", first.views, other.views),
-            ("light", first.lights, other.lights),
-        ):
-            if a.shape != b.shape:
-                return f"{first.name} has {len(a)} {what} directions, {other.name} {len(b)}"
-            if float(np.abs(a - b).max()) > SAME:
-                return f"{first.name} and {other.name} have other {what} directions"
-        if not np.array_equal(first.index, other.index):
-            return f"{first.name} and {other.name} lack other images, or order them otherwise"
+            return f"{one.name} is a picture, {two.name} a BTF", onto
         if first.cosine != other.cosine:
-            return f"only one of {first.name} and {other.name} includes the light's cosine"
-    return None
+            why = f"only one of {first.name} and {other.name} includes the light's cosine"
+            return why, onto
+        if not first.is_image and not same_images(first, other):
+            try:
+                onto[number] = blend(other, first)
+            except InvalidBtf as error:
+                return str(error), onto
+    return None, onto
 
 
-def _other_encoding(samples: Sequence[BtfSample]) -> str | None:
-    codes = [_meaning(_factors(sample).encoding) for sample in samples]
-    for sample, code in zip(samples, codes, strict=True):
-        if code != codes[0]:
-            return (
-                f"{samples[0].name} is coded as {_spelt(codes[0])}, {sample.name} as {_spelt(code)}"
+def _alike(
+    sample: BtfSample,
+    first: BtfSample,
+    onto: Blend | None,
+    rank: int,
+    memory_mb: float,
+    progress: Progress,
+) -> tuple[BtfFactors, list[str]]:
+    """Factors of a sample's images under the directions and in the code of the first, and notes."""
+    factors, notes = _factors(sample), []
+    if onto is not None:
+        off = expected_error(sample, onto)
+        factors = resample(sample, onto)
+        if not onto.exact:
+            about = f"about {100 * off:.2g} %" if np.isfinite(off) else "an unknown part"
+            notes.append(
+                f"{sample.name} has other directions than {first.name}: it is compared by images"
+                f" interpolated at these, which are off by {about} of its contrast"
             )
-    return None
+    code = _factors(first).encoding
+    if _meaning(factors.encoding) != _meaning(code):
+        seen = replace(
+            first, name=sample.name, stack=FactorStack(factors), mask=None, factors=factors
+        )
+        factors = recode(seen, code, rank=rank, memory_mb=memory_mb, progress=progress)
+    return factors, notes
 
 
 def _meaning(encoding: Encoding) -> Encoding:
     """Encoding with what its codes do not depend on left out."""
     return replace(encoding, epsilon=1.0) if encoding.name in ("linear", "sqrt") else encoding
-
-
-def _spelt(encoding: Encoding) -> str:
-    parts = [encoding.name]
-    if encoding.name not in ("linear", "sqrt"):
-        parts.append(f"epsilon {encoding.epsilon:g}")
-    if encoding.knee is not None:
-        parts.append(f"knee {encoding.knee:g}")
-    return ", ".join(parts)
 
 
 def _factors(sample: BtfSample) -> BtfFactors:
@@ -154,17 +174,16 @@ def _coloured(sample: BtfSample) -> Sample:
     return Sample(sample.name, colours, colours, sample.tiles, sample.mask)
 
 
-def _joint(samples: Sequence[BtfSample]) -> tuple[Sample, ...]:
-    """Samples of the same directions and encoding in one orthonormal space."""
-    first = quilting_sample(samples[0])
-    factors = _factors(samples[0])
-    columns = factors.basis.reshape(-1, factors.rank)
-    space = _Space(columns.astype(np.float64), factors.mean.reshape(-1).astype(np.float64))
+def _joint(samples: Sequence[BtfSample], found: Sequence[BtfFactors]) -> tuple[Sample, ...]:
+    """Samples in one orthonormal space, by factors of the same images and encoding."""
+    first, images = quilting_sample(samples[0]), samples[0].images
+    columns = found[0].basis.reshape(-1, found[0].rank)
+    space = _Space(columns.astype(np.float64), found[0].mean.reshape(-1).astype(np.float64))
     channels = [first.channels]
     pictures = [first]
-    for sample in samples[1:]:
-        space, found = _added(space, _factors(sample), sample.images)
-        channels.append(found)
+    for sample, factors in zip(samples[1:], found[1:], strict=True):
+        space, values = _added(space, factors, images)
+        channels.append(values)
         pictures.append(_coloured(sample))
     most = space.basis.shape[1]
     out = []

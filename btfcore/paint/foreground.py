@@ -234,6 +234,8 @@ class Painter:
         key = (cell[:, 0] * (MOST_CELLS + 1) + cell[:, 1]) * (MOST_CELLS + 1) + cell[:, 2]
         counts = np.bincount(key, weight)
         most = int(counts.argmax())
+        if not counts[most] > 0:
+            return -1, 0.0
         inside = np.flatnonzero(key == most)
         middle = np.average(points[inside], axis=0, weights=weight[inside])
         nearest = inside[int(((points[inside] - middle) ** 2).sum(axis=1).argmin())]

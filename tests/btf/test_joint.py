@@ -101,15 +101,19 @@ def test_only_the_mean_may_set_two_samples_apart():
     assert np.linalg.norm(step, axis=1) == pytest.approx(0.2 * np.sqrt(3), rel=1e-3)
 
 
-def test_samples_keep_their_channels_when_others_are_added():
-    samples = [factorised(small(str(seed), seed)) for seed in range(4)]
-    before = [common_channels(samples[: count + 1])[0] for count in range(4)]
+def assert_prefixes(samples):
+    """A sample's channels are the same bits whatever follows it, but for zeros behind them."""
+    before = [common_channels(samples[: count + 1])[0] for count in range(len(samples))]
     assert np.array_equal(before[0][0].channels, quilting_sample(samples[0]).channels)
     for fewer, more in zip(before, before[1:], strict=False):
         for one, two in zip(fewer, more, strict=False):
             count = one.channels.shape[2]
             assert two.channels[..., :count].tobytes() == one.channels.tobytes()
             assert not two.channels[..., count:].any()
+
+
+def test_samples_keep_their_channels_when_others_are_added():
+    assert_prefixes([factorised(small(str(seed), seed)) for seed in range(4)])
 
 
 def test_the_same_sample_twice_needs_no_further_channel():
@@ -132,12 +136,69 @@ def test_epsilon_matters_only_where_codes_depend_on_it():
     one = factorised(small("one", 1), encoding=Encoding("sqrt", 0.01))
     two = factorised(small("two", 2), encoding=Encoding("sqrt", 0.03))
     assert common_channels([one, two])[1] == ()
-    one = factorised(small("one", 1), encoding=Encoding("log", 0.01))
-    two = factorised(small("two", 2), encoding=Encoding("log", 0.03))
-    assert (
-        "one is coded as log, epsilon 0.01, two as log, epsilon 0.03"
-        in common_channels([one, two])[1][0]
+    same = factorised(small("two", 2), encoding=Encoding("sqrt", 0.01))
+    assert np.array_equal(
+        common_channels([one, two])[0][1].channels, common_channels([one, same])[0][1].channels
     )
+    # the logarithms' differ, and so the second has to be coded anew
+    one = factorised(small("one", 1), encoding=Encoding("log", 0.01))
+    two = factorised(small("two", 2), encoding=Encoding("log", 0.3))
+    ready, _ = common_channels([one, two])
+    assert all_errors([one, two], ready, lambda each: coded(each, Encoding("log", 0.01))) < 0.03
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        (SQRT, Encoding("log", 0.01)),
+        (Encoding("log", 0.03), SQRT),
+        (SQRT, Encoding("sqrt", 0.01, knee=0.3)),
+    ],
+)
+def test_distances_of_samples_of_two_encodings_are_those_in_the_first_ones(first, second):
+    samples = [
+        factorised(small("one", 1), encoding=first),
+        factorised(small("two", 2, size=(9, 11)), encoding=second),
+    ]
+    ready, notes = common_channels(samples)
+    assert notes == () and ready[0].channels.shape[2] > 3
+    assert all_errors(samples, ready, lambda each: coded(each, first)) < 0.03
+
+
+def test_samples_of_other_encodings_leave_those_before_them_alone():
+    codes = [SQRT, Encoding("log", 0.01), SQRT, Encoding("log", 0.1)]
+    samples = [factorised(small(str(k), k), encoding=code, rank=12) for k, code in enumerate(codes)]
+    assert_prefixes(samples)
+
+
+def nudged(sample, angle):
+    """The sample with its directions turned about the normal."""
+    turn = np.array([
+        [np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]
+    ])  # fmt: skip
+    return replace(sample, views=sample.views @ turn.T, lights=sample.lights @ turn.T)
+
+
+def test_directions_off_by_less_than_a_thousandth_are_the_same():
+    one, two = factorised(small("one", 1)), factorised(small("two", 2))
+    exact, _ = common_channels([one, two])
+    near, notes = common_channels([one, nudged(two, 9.9e-4)])
+    assert notes == () and near[1].channels.tobytes() == exact[1].channels.tobytes()
+    _, notes = common_channels([one, nudged(two, 0.02)])
+    assert len(notes) == 1 and "other directions" in notes[0] and "% of its contrast" in notes[0]
+
+
+def test_the_same_images_in_another_order_are_matched_up():
+    one, two = factorised(small("one", 1)), factorised(small("two", 2))
+    order = np.random.default_rng(0).permutation(two.images)
+    back = np.argsort(order).astype(np.int32)
+    factors = replace(two.factors, basis=two.factors.basis[order], mean=two.factors.mean[order])
+    mixed = replace(
+        two, stack=ArrayStack(two.stack.images[order]), index=back[two.index], factors=factors
+    )
+    ready, notes = common_channels([one, mixed])
+    assert notes == ()
+    assert all_errors([one, two], ready) < 0.02
 
 
 def missing():
@@ -150,15 +211,14 @@ def missing():
 @pytest.mark.parametrize(
     ("other", "why"),
     [
-        (lambda: small("tilted", 2, tilt=5.0), "one and tilted have other view directions"),
-        (lambda: small("few", 2, lights=3), "one has 6 light directions, few 3"),
-        (lambda: from_picture("photo", np.ones((6, 6, 3), np.uint8)), "photo is a picture, one"),
-        (missing, "lack other images"),
-        (lambda: small("bare", 2, cosine=False), "the light's cosine"),
         (
-            lambda: factorised(small("log", 2), encoding=Encoding("log")),
-            "one is coded as sqrt, log as log",
+            lambda: small("steep", 2, tilt=-9.0),
+            "4 of 5 view directions lie up to 9 degrees beyond those of steep",
         ),
+        (lambda: small("few", 2, lights=3), "6 light directions lie up to"),
+        (lambda: from_picture("photo", np.ones((6, 6, 3), np.uint8)), "photo is a picture, one"),
+        (missing, "holes lacks the images near 1 of one's"),
+        (lambda: small("bare", 2, cosine=False), "the light's cosine"),
     ],
 )
 def test_what_cannot_be_compared_falls_back_to_colours(other, why):
