@@ -283,3 +283,17 @@ def test_winding_lines_are_painted_as_well():
     )
     assert found.reached > 0.6 * found.area
     assert found.constraint < found.constraint_before
+
+
+def test_no_place_is_densest_where_nothing_weighs():
+    """A seamless edit has nothing to mend."""
+    doc = document("spot.obj")
+    edit = doc.admit(PaintEdit(area=dot(doc, AT), sample=LINE))
+    with doc.engine.recording(edit.uid):
+        painter = Painter(doc.engine, edit)
+        some = np.arange(5, dtype=np.int32)
+        assert painter._densest(some, np.zeros(5), 4.0) == (-1, 0.0)
+        vertex, total = painter._densest(some, np.array([0.0, 0, 3, 0, 0]), 4.0)
+        assert vertex in some and total == 3
+        assert painter._densest(some[:0]) == (-1, 0.0)
+        doc.engine.finish()
