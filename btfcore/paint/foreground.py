@@ -30,6 +30,7 @@ from btfcore.types import F4, F8, I4
 SEARCHED = 24  # orientations tried where the sample has none of its own
 LEAST, SLIM = 8, 18  # levels of a patch: at least, and beside the brush
 FIRST_AHEAD = 0.0  # of the first patch, which shall appear at once
+RETRY = 0.25  # radii from one patch to the next while none was kept
 SPACING, AHEAD = 1.0, 0.5  # between patches along a stroke, and the brush's lead; in radii
 TRIES = 2  # patches that may be centred near a place, the second smaller
 SMALLER = 0.7
@@ -51,6 +52,7 @@ class _Track:
     dabs: list[tuple[int, float, F8]] = field(default_factory=list)
     at: int = 0  # dabs whose turn to be a patch's centre is over
     due: float = 0.0
+    shown: bool = False  # whether a patch was kept
 
 
 class Painter:
@@ -140,7 +142,9 @@ class Painter:
                 if track.dabs[-1][1] < arc + lead:
                     break
                 changed.append(self._patch(vertex, track.radius, direction))
-                track.due = arc + SPACING * track.radius
+                track.shown |= len(changed[-1]) > 0
+                # where a stroke has only begun, too little may be wanted for a patch to pay
+                track.due = arc + (SPACING if track.shown else RETRY) * track.radius
             track.at += 1
         return changed
 
