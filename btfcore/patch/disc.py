@@ -104,12 +104,9 @@ def _grown(  # type: ignore[no-untyped-def]
                 order[count] = other
                 count += 1
         for here in range(below, count):
-            _predict(indptr, indices, edge, turn, order, local, here, below, plane, frame)
-            way[here] = _way(indptr, indices, edge, order[here], local, below, way)
+            _predict(indptr, indices, edge, turn, order, local, here, below, plane, frame, way)
         begin = below
-    for _ in range(SWEEPS):
-        for here in range(max(fixed, 1), count):
-            _predict(indptr, indices, edge, turn, order, local, here, count, plane, frame)
+    _sweep(indptr, indices, edge, turn, order, local, max(fixed, 1), count, plane, frame)
     for here in range(count):
         local[order[here]] = -1
     return (
@@ -119,29 +116,64 @@ def _grown(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _sweep(indptr, indices, edge, turn, order, local, begin, count, plane, frame):  # type: ignore[no-untyped-def]
+    """Predict the vertices from `begin` on by all their neighbours, `SWEEPS` times.
+
+    What is read of the edges is the same in every sweep, so it is gathered once, in a row.
+    """
+    start = np.zeros(count - begin + 1, np.int64)
+    for here in range(begin, count):
+        vertex = order[here]
+        known = 0
+        for slot in range(indptr[vertex], indptr[vertex + 1]):
+            known += local[indices[slot]] >= 0
+        start[here - begin + 1] = start[here - begin] + known
+    near = np.empty(start[-1], np.int32)
+    ends = np.empty((start[-1], 4), np.float32)
+    at = 0
+    for here in range(begin, count):
+        vertex = order[here]
+        for slot in range(indptr[vertex], indptr[vertex + 1]):
+            other = local[indices[slot]]
+            if other >= 0:
+                near[at] = other
+                ends[at, 0], ends[at, 1] = turn[slot, 0], turn[slot, 1]
+                ends[at, 2], ends[at, 3] = edge[slot, 0], edge[slot, 1]
+                at += 1
+    for _ in range(SWEEPS):
+        for here in range(begin, count):
+            x = y = cos = sin = 0.0
+            first, last = start[here - begin], start[here - begin + 1]
+            for at in range(first, last):
+                other = near[at]
+                c = frame[other, 0] * ends[at, 0] + frame[other, 1] * ends[at, 1]
+                s = frame[other, 1] * ends[at, 0] - frame[other, 0] * ends[at, 1]
+                x += plane[other, 0] - (c * ends[at, 2] - s * ends[at, 3])
+                y += plane[other, 1] - (s * ends[at, 2] + c * ends[at, 3])
+                cos += c
+                sin += s
+            votes = last - first
+            plane[here, 0], plane[here, 1] = x / votes, y / votes
+            norm = np.sqrt(cos * cos + sin * sin)
+            if norm > 1e-12:
+                frame[here, 0], frame[here, 1] = cos / norm, sin / norm
+            else:
+                frame[here, 0], frame[here, 1] = 1.0, 0.0
+
+
+@njit(cache=True)
 def _longer(short, longer):  # type: ignore[no-untyped-def]
     longer[: len(short)] = short
     return longer
 
 
 @njit(cache=True)
-def _way(indptr, indices, edge, vertex, local, below, way):  # type: ignore[no-untyped-def]
-    """Shortest way to `vertex` through a neighbour before `below`."""
-    least = np.inf
-    for slot in range(indptr[vertex], indptr[vertex + 1]):
-        other = local[indices[slot]]
-        if 0 <= other < below:
-            s, t = np.float64(edge[slot, 0]), np.float64(edge[slot, 1])
-            least = min(least, way[other] + np.sqrt(s * s + t * t))
-    return least
-
-
-@njit(cache=True)
-def _predict(indptr, indices, edge, turn, order, local, here, below, plane, frame):  # type: ignore[no-untyped-def]
-    """Place vertex `here` at the mean of what its neighbours before `below` predict."""
+def _predict(indptr, indices, edge, turn, order, local, here, below, plane, frame, way):  # type: ignore[no-untyped-def]
+    """Place vertex `here` at the mean of what its neighbours before `below` predict; its way."""
     vertex = order[here]
     x = y = cos = sin = 0.0
     votes = 0
+    least = np.inf
     for slot in range(indptr[vertex], indptr[vertex + 1]):
         other = local[indices[slot]]
         if other < 0 or other >= below:
@@ -153,6 +185,9 @@ def _predict(indptr, indices, edge, turn, order, local, here, below, plane, fram
         cos += c
         sin += s
         votes += 1
+        along, across = np.float64(edge[slot, 0]), np.float64(edge[slot, 1])
+        least = min(least, way[other] + np.sqrt(along * along + across * across))
+    way[here] = least
     plane[here, 0], plane[here, 1] = x / votes, y / votes
     norm = np.sqrt(cos * cos + sin * sin)
     if norm > 1e-12:
