@@ -37,19 +37,27 @@ def pair_weights(
         weight = np.divide(weight, total, out=np.zeros_like(weight), where=total > 0)
         lost = np.flatnonzero(lit & (total[:, 0] == 0))
         if substitute and len(lost):
-            image[lost, 0] = _nearest_images(sample, view, light, lost)
+            near = nearest_images(sample, _heaviest(view, lost), _heaviest(light, lost))
+            image[lost, 0] = near
             weight[lost, 0] = 1
         return image, weight
     return image, full
 
 
-def _nearest_images(sample: BtfSample, view: Mixture, light: Mixture, rows: NDArray[Any]) -> I4:
-    """Image nearest to the heaviest view and light of each of the queries `rows`."""
-    heavy = [
-        np.take_along_axis(index[rows], weight[rows].argmax(axis=1)[:, None], axis=1)[:, 0]
-        for index, weight in (view, light)
-    ]
-    wanted, back = np.unique(np.stack(heavy, axis=1), axis=0, return_inverse=True)
+def _heaviest(mixture: Mixture, rows: NDArray[Any]) -> I4:
+    """Direction of the greatest weight of each of the queries `rows`."""
+    index, weight = mixture
+    most = weight[rows].argmax(axis=1)[:, None]
+    return np.asarray(np.take_along_axis(index[rows], most, axis=1)[:, 0], np.int32)
+
+
+def nearest_images(sample: BtfSample, views: NDArray[Any], lights: NDArray[Any]) -> I4:
+    """Image (n,) i4 nearest to each pair of numbers `views` (n,) and `lights` (n,).
+
+    Least sum of the squared angles between the views and between the lights, the lowest number
+    of equals.
+    """
+    wanted, back = np.unique(np.stack([views, lights], axis=1), axis=0, return_inverse=True)
     pairs = sample.pairs()
     found = np.empty(len(wanted), np.int32)
     for place, (one, two) in enumerate(wanted):

@@ -1,0 +1,1 @@
+"""The same evaluation as GLSL text, and its values packed into textures."""
