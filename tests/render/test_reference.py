@@ -77,9 +77,7 @@ def test_lights_add_up_and_scale():
     where, eye = scattered(50), np.array([0.1, 0.2, 3.0, 1.0])
     one = directional([0.1, 0.3, 0.9], [1.0, 2.0, 0.5])
     two = directional([-0.6, 0.3, 0.4], 3.0)
-    both = Lights(
-        np.vstack([one.direction, two.direction]), np.vstack([one.intensity, two.intensity])
-    )
+    both = joined([one, two])
     shaped = [factor_material(sample)]
     parts = [radiance(shaped, where, eye, each).astype(float) for each in (one, two)]
     np.testing.assert_allclose(radiance(shaped, where, eye, both), sum(parts), rtol=1e-5, atol=1e-6)
