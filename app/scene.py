@@ -21,10 +21,11 @@ from vtkmodules.vtkCommonCore import vtkLogger
 from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkRenderingCore import vtkTexture
 
-from app.camera import ANGLE, Turntable
 from btfcore.files.atomic import write_bytes
 from btfcore.files.png import encode_png
 from btfcore.files.surface import ExportSurface
+from btfcore.render.camera import ANGLE, Turntable
+from btfcore.render.surfels import Placement, placement
 from btfcore.types import F8, Sample
 
 TOP, BOTTOM = (0.95, 0.96, 0.97), (0.70, 0.73, 0.77)  # of the background's gradient
@@ -48,8 +49,8 @@ class Scene:
         self._markers: Any = None
         self._texture: vtkTexture | None = None
         self._image: vtkImageData | None = None
-        self._centre: F8 = np.zeros(3)
-        self._scale = 1.0
+        self._lit = False
+        self.place = Placement((0.0, 0.0, 0.0), 1.0)
         self._points: F8 = np.zeros((0, 3))
         self._smooth = False
         self.camera = Turntable()
@@ -69,11 +70,8 @@ class Scene:
         if surface is None:
             self._points = np.zeros((0, 3))
             return
-        low, high = surface.positions.min(axis=0), surface.positions.max(axis=0)
-        radius = float(np.linalg.norm(high / 2 - low / 2))
-        self._centre = low / 2 + high / 2
-        self._scale = 1.0 / max(radius, 1e-300)
-        self._points = self._placed(surface.positions)
+        self.place = placement(surface.positions)
+        self._points = self.place.to_scene(surface.positions)
         points: Any = self._points.astype(np.float32)
         faces: Any = surface.faces
         mesh = pv.PolyData.from_regular_faces(points, faces)
@@ -91,11 +89,17 @@ class Scene:
             render=False,
         )
         self._actor.prop.interpolation = "Phong"
+        self._lit = False
 
-    def set_texture(self, image: U1 | None) -> None:
-        """Put an atlas image (H, W, 3) u8, row 0 on top, on the surface; None is clay."""
+    def set_texture(self, image: U1 | None, *, radiance: bool = False, smooth: bool = True) -> None:
+        """Put an atlas image (H, W, 3) u8, row 0 on top, on the surface; None is clay.
+
+        radiance : the image is what is to be seen, and no light of the scene falls on it.
+        smooth : filter it where it is reduced, which takes long to prepare.
+        """
         if self._actor is None:
             return
+        self._shine(radiance and image is not None)
         if image is None:
             self._actor.SetTexture(None)
             self._texture = None
@@ -110,15 +114,24 @@ class Scene:
         if self._texture is None:
             self._texture = vtkTexture()
             self._texture.InterpolateOn()
-            self._texture.MipmapOn()
-            self._texture.SetMaximumAnisotropicFiltering(8.0)
             self._texture.RepeatOff()
             self._texture.EdgeClampOn()
             self._texture.SetColorModeToDirectScalars()
             self._actor.SetTexture(self._texture)
             self._actor.prop.color = (1.0, 1.0, 1.0)
+        self._texture.SetMipmap(smooth)
+        self._texture.SetMaximumAnisotropicFiltering(8.0 if smooth else 1.0)
         self._texture.SetInputData(holder)
         self._image = holder
+
+    def _shine(self, radiance: bool) -> None:
+        """Show colours as they are, or under the scene's own light."""
+        if radiance is not self._lit:
+            self._lit = radiance
+            look = self._actor.prop
+            look.lighting = not radiance
+            # without lighting a colour is shown (ambient + diffuse) times
+            look.ambient, look.diffuse = (1.0, 0.0) if radiance else (AMBIENT, DIFFUSE)
 
     def set_markers(self, points: F8 | None) -> None:
         """Draw small balls at world positions (S, 3), for the field's singularities."""
@@ -128,7 +141,7 @@ class Scene:
         if points is None or len(points) == 0 or self._actor is None:
             return
         ball = pv.Sphere(radius=0.018, theta_resolution=20, phi_resolution=14)
-        cloud = pv.PolyData(self._placed(points)).glyph(geom=ball, scale=False, orient=False)
+        cloud = pv.PolyData(self.place.to_scene(points)).glyph(geom=ball, scale=False, orient=False)
         self._markers = self._plotter.add_mesh(
             cloud, color=(0.93, 0.27, 0.16), ambient=0.45, diffuse=0.6, specular=0.15,
             smooth_shading=True, reset_camera=False, render=False,
@@ -149,6 +162,18 @@ class Scene:
         away = float(np.linalg.norm(self.camera.position))
         camera.clipping_range = (max(away - 1.2, 0.004), away + 1.2)
 
+    def eye(self) -> F8:
+        """Where the camera is, (4,) f8 homogeneous scene coordinates."""
+        return np.array([*self.camera.position, 1.0])
+
+    def reduction(self, step: float, height: int) -> float:
+        """Texels a pixel and axis at the middle of a picture `height` pixels high.
+
+        step : edge of a texel on the surface in world units.
+        """
+        reach = 2 * self.camera.distance * np.tan(np.radians(ANGLE / 2))
+        return float(reach / max(height, 1) / max(step * self.place.scale, 1e-12))
+
     def smooth_edges(self, wanted: bool) -> None:
         """Draw four times the pixels and average them, or not."""
         if wanted is not self._smooth:
@@ -157,10 +182,6 @@ class Scene:
                 self._plotter.enable_anti_aliasing("ssaa")
             else:
                 self._plotter.disable_anti_aliasing()
-
-    def _placed(self, positions: F8) -> F8:
-        """World positions in the unit ball."""
-        return (np.asarray(positions, np.float64) - self._centre) * self._scale
 
 
 def off_screen_plotter(size: tuple[int, int]) -> Any:

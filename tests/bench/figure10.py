@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from app.camera import Turntable
+from btfcore.render.camera import Turntable
 from app.scene import BOTTOM, TOP, U1, Scene, off_screen_plotter
 from btfcore.files.surface import export_input
 from btfcore.paint.constrained import energy, seam_count, unit_of

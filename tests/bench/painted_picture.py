@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from app.camera import Turntable
+from btfcore.render.camera import Turntable
 from app.scene import BOTTOM, TOP, U1, render
 from btfcore.btf.appearance import quilting_sample
 from btfcore.files.samples import open_sample

@@ -1,4 +1,9 @@
-"""A camera on a turntable: angles and distances only, for the scene and its tests."""
+"""A camera on a turntable, and how it brings points into a picture.
+
+Camera coordinates are right, up and depth (along the axis, positive in front). Pictures have
+continuous pixel coordinates (column, row) from their upper left corner: the centre of the first
+pixel is (½, ½).
+"""
 
 from __future__ import annotations
 
@@ -37,6 +42,37 @@ class Turntable:
         """Where the camera is."""
         return np.asarray(self.focus) + self.distance * self.axes()[2]
 
+    @property
+    def eye(self) -> F8:
+        """Where the camera is in homogeneous coordinates: (4,) f8 with w = 1."""
+        return np.append(self.position, 1.0)
+
+    def local(self, points: F8) -> F8:
+        """Camera coordinates (…, 3) f8 of points (…, 3): right, up and depth."""
+        moved = np.asarray(points, np.float64) - self.position
+        flipped = self.axes() * np.array([[1.0], [1.0], [-1.0]])
+        return np.einsum("...j,ij->...i", moved, flipped)
+
+    def pixels(self, points: F8, size: tuple[int, int]) -> F8:
+        """Column, row and depth (…, 3) f8 of points in a picture of `size` (width, height).
+
+        A point at a depth of 0 or less has no place: column and row are NaN.
+        """
+        local = self.local(points)
+        focal = focal_length(size[1])
+        depth = np.where(local[..., 2] > 0, local[..., 2], np.nan)
+        column = size[0] / 2 + focal * local[..., 0] / depth
+        row = size[1] / 2 - focal * local[..., 1] / depth
+        return np.stack([column, row, local[..., 2]], axis=-1)
+
+    def rays(self, places: F8, size: tuple[int, int]) -> F8:
+        """Unit directions (…, 3) f8 in which the camera sees places (…, 2): column and row."""
+        x = (places[..., 0] - size[0] / 2) / focal_length(size[1])
+        y = (size[1] / 2 - places[..., 1]) / focal_length(size[1])
+        local = np.stack([x, y, -np.ones_like(x)], axis=-1)
+        away = np.einsum("...i,ij->...j", local, self.axes())
+        return away / np.linalg.norm(away, axis=-1, keepdims=True)
+
     def orbited(self, right: float, up: float) -> Turntable:
         """Turn the object by degrees to the right and upwards, never over the top."""
         elevation = float(np.clip(self.elevation - up, -STEEPEST, STEEPEST))
@@ -70,6 +106,11 @@ class Turntable:
         focus = np.array([(right - left) / 2, (above - below) / 2, middle]) @ self.axes()
         distance = max(float(eye - middle), 1e-3)
         return replace(self, focus=_triple(focus), distance=distance)
+
+
+def focal_length(height: int) -> float:
+    """Distance in pixels of a picture `height` pixels tall from the eye."""
+    return float(height / (2 * np.tan(np.radians(ANGLE / 2))))
 
 
 def _triple(point: F8) -> tuple[float, float, float]:

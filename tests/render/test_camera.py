@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.camera import ANGLE, Turntable
+from btfcore.render.camera import ANGLE, Turntable
 
 
 def projected(camera, points, aspect):
@@ -46,3 +46,27 @@ def test_panning_follows_the_mouse():
     focus_moves = np.array([0.5, 0.2])  # a quarter and a tenth of the height, in -1 … 1
     moved = np.array([after[0] - before[0], after[1] - before[1]]).ravel()
     assert np.allclose(moved, focus_moves, atol=0.03)
+
+
+@given(st.floats(-720, 720), st.floats(-89, 89), st.integers(0, 99))
+def test_pixels_are_those_that_the_rays_go_through(azimuth, elevation, seed):
+    rng = np.random.default_rng(seed)
+    camera = Turntable(azimuth, elevation, (0.3, -0.2, 0.1), 4.0)
+    points = rng.uniform(-0.5, 0.5, (20, 3))
+    size = (300, 200)
+    found = camera.pixels(points, size)
+    x, y, depth = projected(camera, points, 1.5)
+    assert np.allclose(found[:, 0], 150 * (1 + x))
+    assert np.allclose(found[:, 1], 100 * (1 - y))
+    assert np.allclose(found[:, 2], depth)
+    towards = points - camera.position
+    towards /= np.linalg.norm(towards, axis=1)[:, None]
+    assert np.allclose(camera.rays(found[:, :2], size), towards)
+
+
+def test_the_eye_is_a_point_and_what_lies_behind_it_has_no_pixel():
+    camera = Turntable(10, 20, distance=3.0)
+    assert np.allclose(camera.eye, [*camera.position, 1.0])
+    behind = camera.pixels(camera.position * 2, (64, 64))
+    assert np.isnan(behind[:2]).all()
+    assert behind[2] == pytest.approx(-3)
