@@ -11,6 +11,7 @@ import typer
 
 from app.console import reporter, say, stoppable
 from app.paint_cli import paint, project_app
+from app.render_cli import render
 from app.sample_cli import sample_app
 from btfcore import __version__
 from btfcore.errors import Cancelled, PatinaError
@@ -25,6 +26,7 @@ app = typer.Typer(
 app.add_typer(sample_app, name="sample")
 app.add_typer(project_app, name="project")
 app.command()(paint)
+app.command()(render)
 
 
 @app.callback(invoke_without_command=True)
@@ -95,6 +97,9 @@ def decorate(
         typer.Option(help="Seconds in which the worst seams are cut again with fresh placements."),
     ] = None,
     dense: Annotated[bool, typer.Option(help="Export the dense mesh's shape.")] = False,
+    relightable: Annotated[
+        bool, typer.Option(help="The .glb also holds what `patina render` needs of it.")
+    ] = False,
     preview: Annotated[Path | None, typer.Option(help="Picture of the result (PNG).")] = None,
     save_quilt: Annotated[
         Path | None, typer.Option(help="The quilting map (NPZ), also where the run is cancelled.")
@@ -108,13 +113,13 @@ def decorate(
     verbose: Annotated[bool, typer.Option("-v", "--verbose", help="Print all figures.")] = False,
 ) -> None:
     """Cover MESH with the material of SAMPLE and write a mesh that other programs open."""
-    from btfcore.files.export import check_output
+    from btfcore.files.export import SUFFIXES, check_output
     from btfcore.pipeline import decorate as run
     from btfcore.pipeline import export_decorated
     from btfcore.quilt.parameters import QuiltParameters
     from btfcore.regions import RegionSamples
 
-    check_output(output)
+    check_output(output, suffixes=(".glb",) if relightable else SUFFIXES)
     for extra, suffix in ((preview, ".png"), (save_quilt, ".npz"), (report, ".json")):
         if extra is not None:
             check_output(extra, suffixes=(suffix,))
@@ -143,7 +148,7 @@ def decorate(
             if done.complete:
                 progress(1.0, "export")
                 export_decorated(
-                    output, done, dense_shape=dense,
+                    output, done, dense_shape=dense, relightable=relightable,
                     progress=lambda fraction, label: heeding(1.0, label),
                 )  # fmt: skip
         if not done.complete:

@@ -55,6 +55,9 @@ def paint(
         Path | None, typer.Option(help="Project (.patina), also where the run is cancelled.")
     ] = None,
     dense: Annotated[bool, typer.Option(help="Export the dense mesh's shape.")] = False,
+    relightable: Annotated[
+        bool, typer.Option(help="The .glb also holds what `patina render` needs of it.")
+    ] = False,
     preview: Annotated[Path | None, typer.Option(help="Picture of the result (PNG).")] = None,
     report: Annotated[Path | None, typer.Option(help="Figures of every edit (JSON).")] = None,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
@@ -66,6 +69,8 @@ def paint(
     from btfcore.painting import apply_edits, save_project
     from btfcore.phases import PhaseClock
 
+    if relightable and (output is None or output.suffix.lower() != ".glb"):
+        raise InvalidParameter("--relightable is for a result in .glb")
     stored = source.suffix.lower() == _PROJECT
     _check_outputs(output, save, preview, report)
     for option, value in (("--sample", sample), ("--mask", mask), ("--seed", seed),
@@ -102,7 +107,7 @@ def paint(
             check_output(output)
             with clock.phase("export"):
                 export_document(
-                    output, painting, dense_shape=dense,
+                    output, painting, dense_shape=dense, relightable=relightable,
                     rate=export_rate or (rate if stored else None),
                     progress=lambda fraction, label: heeding(0.8 + 0.2 * fraction, label),
                 )  # fmt: skip

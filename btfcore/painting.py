@@ -262,17 +262,19 @@ def export_document(
     *,
     rate: int | None = None,
     dense_shape: bool = False,
+    relightable: bool = False,
     progress: Progress = silent,
 ) -> tuple[Path, ...]:
     """Write the painted mesh as .glb, .obj or .ply; returns the files written.
 
     rate : side of the texture; another one than the document's shows the same picture at a finer
-    or coarser scale (`btfcore.quilt.transfer.transfer`).
+    or coarser scale (`btfcore.quilt.transfer.transfer`). relightable : see
+    `btfcore.pipeline.export`.
     """
     prepared, quilt = at_rate(painting, rate, progress=between(progress, 0.0, 0.7))
     return export(
         path, prepared, quilt, painting.document.samples, dense_shape=dense_shape,
-        progress=between(progress, 0.7, 1.0),
+        relightable=relightable, progress=between(progress, 0.7, 1.0),
     )  # fmt: skip
 
 

@@ -16,11 +16,12 @@ from btfcore.phases import PhaseClock
 from btfcore.progress import Progress, between, silent
 from btfcore.quilt.parameters import QuiltParameters
 from btfcore.regions import Plan, RegionSamples, plan_samples
-from btfcore.types import ImportReport, Mesh, Prepared, Quilt, Sample
+from btfcore.types import F8, ImportReport, Mesh, Prepared, Quilt, Sample
 
 if TYPE_CHECKING:
     from btfcore.btf.weights import Weights
     from btfcore.field import Guide
+    from btfcore.files.gltf import Attached
     from btfcore.files.quilt_npz import StoredQuilt
     from btfcore.quilt.refine import RefineStatistics
     from btfcore.quilt.synthesize import Synthesizer
@@ -316,13 +317,18 @@ def continued(stored: StoredQuilt, prepared: Prepared) -> Quilt:
 
 
 def export_decorated(
-    path: str | Path, done: Decorated, *, dense_shape: bool = False, progress: Progress = silent
+    path: str | Path,
+    done: Decorated,
+    *,
+    dense_shape: bool = False,
+    relightable: bool = False,
+    progress: Progress = silent,
 ) -> tuple[Path, ...]:
     """Write the decorated mesh as .glb, .obj or .ply; the phase is measured as "export"."""
     with done.clock.phase("export"):
         return export(
             path, done.prepared, done.quilt, done.samples or done.sample,
-            dense_shape=dense_shape, progress=progress,
+            dense_shape=dense_shape, relightable=relightable, progress=progress,
         )  # fmt: skip
 
 
@@ -333,16 +339,31 @@ def export(
     sample: Sample | Sequence[Sample],
     *,
     dense_shape: bool = False,
+    relightable: bool = False,
     progress: Progress = silent,
 ) -> tuple[Path, ...]:
-    """Write a quilt's colours on the input mesh's shape, or on the dense mesh's."""
+    """Write a quilt's colours on the input mesh's shape, or on the dense mesh's.
+
+    relightable : the GLB also holds the quilt, so that it can be rendered under any light with
+    its samples (`btfcore.relighting`). Raises `InvalidParameter` for other formats.
+    """
+    from btfcore.files.export import check_output
     from btfcore.files.export import export as write
     from btfcore.render.texture import vertex_colours
+
+    attached = None
+    if relightable:
+        check_output(path, suffixes=(".glb",))
+
+        def attached(positions: F8) -> dict[str, Attached]:
+            from btfcore.files.glb_quilt import KEY, attach_quilt
+
+            return {KEY: attach_quilt(prepared.dense, prepared.field, quilt, positions)}
 
     progress(0.0, "colours")
     samples = [sample] if isinstance(sample, Sample) else sample
     colours = vertex_colours(quilt, samples, progress=lambda fraction, label: progress(0.0, label))
     return write(
         Path(path), prepared.mesh, prepared.atlas, prepared.dense, colours,
-        dense_shape=dense_shape, progress=progress,
+        dense_shape=dense_shape, attached=attached, progress=progress,
     )  # fmt: skip

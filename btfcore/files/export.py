@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from btfcore.errors import InvalidParameter
 from btfcore.files.atomic import check_writable
-from btfcore.files.gltf import write_glb
+from btfcore.files.gltf import Attached, write_glb
 from btfcore.files.obj import obj_files, write_obj
 from btfcore.files.ply import write_ply
 from btfcore.files.png import encode_png
 from btfcore.files.surface import export_dense, export_input
 from btfcore.progress import Progress, between, silent
 from btfcore.render.texture import atlas_texture, quantise
-from btfcore.types import F4, I4, Atlas, DenseMesh, Mesh
+from btfcore.types import F4, F8, I4, Atlas, DenseMesh, Mesh
 
 SUFFIXES = (".glb", ".obj", ".ply")
 
@@ -46,6 +46,7 @@ def export(
     dense_shape: bool = False,
     source: I4 | None = None,
     extras: Mapping[str, Any] | None = None,
+    attached: Callable[[F8], Mapping[str, Attached]] | None = None,
     progress: Progress = silent,
 ) -> tuple[Path, ...]:
     """Write the decorated mesh to `path`; returns the files written, `path` first.
@@ -53,7 +54,8 @@ def export(
     colours : (N, 3) f4, sRGB-coded 0–1, per dense vertex. GLB and OBJ carry the input mesh
     with the atlas as texture, or the dense mesh where `dense_shape`; PLY has colours per
     vertex, hence always the dense mesh. `source` is `gutter_source(dense)` where the caller
-    has it already; `extras` (JSON values) travel in the GLB. `progress` is not called once
+    has it already; `extras` (JSON values) travel in the GLB, and so does what `attached` makes
+    for the surface's positions (n, 3). `progress` is not called once
     files are in place, so that cancelling leaves nothing. Raises like `check_output`.
     """
     given = check_output(path)
@@ -78,5 +80,6 @@ def export(
     progress(0.5, "writing")
     if given.suffix.lower() == ".obj":
         return write_obj(given, surface, png, progress=between(progress, 0.5, 1.0))
-    write_glb(given, surface, png, name=given.stem, extras=extras)
+    more = None if attached is None else attached(surface.positions)
+    write_glb(given, surface, png, name=given.stem, extras=extras, attached=more)
     return (given,)

@@ -18,15 +18,17 @@ _REC709 = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
 
 
 def encode_exr(image: NDArray[np.floating[Any]], *, half: bool = True) -> bytes:
-    """OpenEXR file of linear Rec. 709 radiance (H, W, 3), ZIP-packed without loss.
+    """OpenEXR file of linear Rec. 709 radiance (H, W, 3 or 4), ZIP-packed without loss.
 
-    half : 16-bit floats, in which values beyond 65504 become 65504; else 32-bit floats. The
+    A fourth band is alpha, with which the others are premultiplied, as OpenEXR has it. half :
+    16-bit floats, in which values beyond 65504 become 65504; else 32-bit floats. The
     chromaticities are written down.
     """
     values = np.asarray(image, np.float32)
     if half:
         values = np.clip(values, -LARGEST_HALF, LARGEST_HALF)
-    return _encoded(values, "exr", "half" if half else "float", {"compression": "zip"})
+    kind = "half" if half else "float"
+    return _encoded(values, "exr", kind, {"compression": "zip"}, bands=(3, 4))
 
 
 def encode_hdr(image: NDArray[np.floating[Any]]) -> bytes:
@@ -43,10 +45,19 @@ def encode_jpeg(image: NDArray[np.floating[Any]], *, quality: int = 95) -> bytes
     return _encoded(coded, "jpg", "uint8", settings)
 
 
-def _encoded(values: NDArray[Any], ending: str, kind: str, settings: dict[str, str]) -> bytes:
-    if values.ndim != 3 or values.shape[2] != 3 or values.size == 0:
-        raise InvalidParameter(f"an image of shape {values.shape}, (H, W, 3) is needed")
-    spec = oiio.ImageSpec(values.shape[1], values.shape[0], 3, kind)
+def _encoded(
+    values: NDArray[Any],
+    ending: str,
+    kind: str,
+    settings: dict[str, str],
+    bands: tuple[int, ...] = (3,),
+) -> bytes:
+    if values.ndim != 3 or values.shape[2] not in bands or values.size == 0:
+        needed = " or ".join(map(str, bands))
+        raise InvalidParameter(f"an image of shape {values.shape}, (H, W, {needed}) is needed")
+    spec = oiio.ImageSpec(values.shape[1], values.shape[0], values.shape[2], kind)
+    if values.shape[2] == 4:
+        spec.channelnames, spec.alpha_channel = ("R", "G", "B", "A"), 3
     for key, value in settings.items():
         spec.attribute(key, value)
     if ending == "exr":

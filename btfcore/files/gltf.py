@@ -23,6 +23,17 @@ _VERTICES, _INDICES = 34962, 34963
 _LINEAR, _LINEAR_MIPMAP_LINEAR, _CLAMP_TO_EDGE = 9729, 9987, 33071
 
 
+@dataclass(frozen=True)
+class Attached:
+    """Bytes that travel in a buffer view of their own, which other programs pass over.
+
+    description : JSON values by which they are found and read again, next to "bufferView".
+    """
+
+    description: Mapping[str, Any]
+    data: bytes
+
+
 def write_glb(
     path: str | Path,
     surface: ExportSurface,
@@ -31,15 +42,19 @@ def write_glb(
     name: str = "decorated",
     roughness: float = 0.9,
     extras: Mapping[str, Any] | None = None,
+    attached: Mapping[str, Attached] | None = None,
 ) -> None:
     """Write a GLB with positions, normals, tangents, uv and the PNG as base colour.
 
     Positions are single floats, so a mesh far from the origin, or of a size near the ends of
     their range, is moved and scaled to the origin and its node takes it back. `extras` (JSON
-    values) are kept under ``asset.extras``. Raises `OutputFailed`, as `atomic_output` does
+    values) are kept under ``asset.extras``, and so are descriptions of what is `attached`, by
+    name. Raises `OutputFailed`, as `atomic_output` does
     and where no triangle is left in single precision.
     """
-    write_bytes(path, encode_glb(surface, texture_png, name, roughness, extras or {}))
+    write_bytes(
+        path, encode_glb(surface, texture_png, name, roughness, extras or {}, attached or {})
+    )
 
 
 def encode_glb(
@@ -48,6 +63,7 @@ def encode_glb(
     name: str,
     roughness: float,
     extras: Mapping[str, Any],
+    attached: Mapping[str, Attached],
 ) -> bytes:
     """Bytes of the file that `write_glb` writes."""
     placed = place(surface.positions)
@@ -66,6 +82,10 @@ def encode_glb(
     narrow = np.uint16 if len(surface.positions) <= 65535 else np.uint32
     indices = binary.accessor(faces.reshape(-1).astype(narrow), "SCALAR", _INDICES)
     image = binary.view(texture_png, None)
+    more = {
+        key: {**each.description, "bufferView": binary.view(each.data, None)}
+        for key, each in attached.items()
+    }
     node: dict[str, Any] = {"mesh": 0, "name": name}
     if placed.scale != 1.0:
         node["scale"] = [placed.scale] * 3
@@ -75,7 +95,7 @@ def encode_glb(
         "asset": {
             "version": "2.0",
             "generator": f"Patina {btfcore.__version__}",
-            "extras": {"patina": {"version": btfcore.__version__, **extras}},
+            "extras": {"patina": {"version": btfcore.__version__, **extras, **more}},
         },
         "scene": 0,
         "scenes": [{"nodes": [0], "name": name}],

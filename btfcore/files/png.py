@@ -1,10 +1,10 @@
-"""PNG out: encoding only (files are decoded in a guarded child, elsewhere)."""
+"""PNG and GIF out: encoding only (files are decoded in a guarded child, elsewhere)."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,4 +39,31 @@ def encode_png(image: NDArray[np.uint8], *, progress: Progress = silent) -> byte
         raise InvalidParameter(f"a PNG needs (H, W[, 3 or 4]) u8, got {image.shape} {image.dtype}")
     stream = _Heard(lambda: progress(0.0, "encoding the texture"))
     Image.fromarray(image).save(stream, format="PNG", compress_level=6)
+    return stream.getvalue()
+
+
+def palette_of(images: Sequence[NDArray[np.uint8]]) -> Any:
+    """Palette of 256 colours, as `encode_gif` takes it, of several images (h, w, 3) u8."""
+    width = max(each.shape[1] for each in images)
+    rows = [np.pad(each, ((0, 0), (0, width - each.shape[1]), (0, 0)), "edge") for each in images]
+    whole = Image.fromarray(np.concatenate(rows))
+    return whole.quantize(256, method=Image.Quantize.MEDIANCUT, kmeans=1)
+
+
+def encode_gif(
+    images: Sequence[NDArray[np.uint8]], palette: Any, durations: Sequence[int]
+) -> bytes:
+    """GIF of (H, W, 3) u8 images, dithered to one palette, shown for ever.
+
+    durations : milliseconds of each, in whole hundredths of a second.
+    """
+    coded = [
+        Image.fromarray(each).quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG)
+        for each in images
+    ]
+    stream = io.BytesIO()
+    coded[0].save(
+        stream, format="GIF", save_all=True, append_images=coded[1:], duration=list(durations),
+        loop=0, optimize=False, disposal=1,
+    )  # fmt: skip
     return stream.getvalue()

@@ -80,7 +80,7 @@ def read_quilt_npz(path: str | Path) -> StoredQuilt:
             arrays = {name: _read_member(archive, name, path) for name in _ARRAYS}
     except (OSError, zipfile.BadZipFile, ValueError, RuntimeError, EOFError) as error:
         raise InvalidQuilt(f"cannot read {path}: {error}") from error
-    _check_values(arrays, path)
+    check_quilt(arrays, path)
     return StoredQuilt(**arrays)
 
 
@@ -122,7 +122,8 @@ def _header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
     return npy.read_array_header_1_0(stream)
 
 
-def _check_values(arrays: dict[str, NDArray[Any]], path: str | Path) -> None:
+def check_quilt(arrays: dict[str, NDArray[Any]], path: str | Path) -> None:
+    """Raise `InvalidQuilt` where arrays of the right types and columns contradict each other."""
     count = len(arrays["vertices"])
     if count == 0 or len(arrays["faces"]) == 0:
         raise InvalidQuilt(f"{path}: {count} vertices and {len(arrays['faces'])} faces")

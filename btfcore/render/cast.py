@@ -74,7 +74,7 @@ def caster(
     however textures split them. face (n,), bary (n, 3): where the surfels lie (those of
     `DenseMesh`); None: at the nearest point of the mesh. Raises `InvalidMesh`.
     """
-    points, number = np.unique(np.asarray(vertices, np.float64), axis=0, return_inverse=True)
+    points, number = np.unique(vertices + 0.0, axis=0, return_inverse=True)  # -0 is 0
     joined = number.reshape(-1)[faces].astype(np.int32)
     normals = np.ascontiguousarray(surfels.frame[:, 2])
     tree = ray_tree(points, joined)

@@ -12,12 +12,13 @@ import numpy as np
 
 from btfcore.btf.harmonics.basis import check_basis, degrees, evaluate
 from btfcore.errors import InvalidParameter
-from btfcore.render.environment import Environment, texel_directions
+from btfcore.render.environment import Environment
 from btfcore.render.reference import quadrature
 from btfcore.types import F8
 
 WINDOWS = ("none", "hanning")
-_BAND = 64  # rows of the map for which the basis is formed at a time
+_BAND = 64  # rows of the map that are taken in double precision at a time
+_UPRIGHT = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # z, x, y to x, y, z
 
 
 def environment_harmonics(environment: Environment, order: int = 4, *, window: str = "none") -> F8:
@@ -33,16 +34,27 @@ def environment_harmonics(environment: Environment, order: int = 4, *, window: s
     if window not in WINDOWS:
         raise InvalidParameter(f"window {window!r}; there are {' and '.join(WINDOWS)}")
     check_basis(order, "spherical")
+    # around the vertical axis a map is a Fourier series in each row, so a basis whose polar axis
+    # is vertical is summed up by rows and columns apart; then the axes are put back
     radiance = environment.radiance
-    height = len(radiance)
-    share = _row_shares(height)
-    directions = texel_directions(height)
-    out = np.zeros(((order + 1) ** 2, 3))
+    height, width = radiance.shape[:2]
+    around = 2 * np.pi * ((np.arange(width) + 0.5) / width - 0.5)
+    polar = np.pi * (np.arange(height) + 0.5) / height
+    turns = np.arange(-order, order + 1)
+    phase = np.outer(np.pi / 2 - around, np.abs(turns))  # from z to x
+    waves = np.where(turns < 0, np.sin(phase), np.cos(phase))
+    rows = np.empty((height, len(turns), 3))
     for start in range(0, height, _BAND):
-        rows = slice(start, start + _BAND)
-        basis = evaluate(directions[rows].reshape(-1, 3), order)
-        light = radiance[rows].astype(np.float64) * share[rows, None, None]
-        out += np.einsum("nm,nc->mc", basis, light.reshape(-1, 3))
+        band = radiance[start : start + _BAND].astype(np.float64)
+        rows[start : start + _BAND] = np.einsum("hwc,wm->hmc", band, waves)
+    rows *= _row_shares(height)[:, None, None]
+    meridian = np.stack([np.sin(polar), np.zeros(height), np.cos(polar)], axis=1)
+    basis = evaluate(meridian, order)
+    out = np.zeros(((order + 1) ** 2, 3))
+    for number, (degree, m) in enumerate(degrees(order)):
+        along = basis[:, degree * degree + degree + abs(m)]
+        out[number] = np.einsum("h,hc->c", along, rows[:, order + m])
+    out = rotated(out, _UPRIGHT)
     out *= environment.intensity
     if environment.rotation % 360.0:
         out = rotated_about_y(out, environment.rotation)

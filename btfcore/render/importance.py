@@ -16,8 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from btfcore.btf.harmonics.basis import LARGEST_ORDER, check_basis, functions
 from btfcore.errors import InvalidParameter
-from btfcore.render.env_harmonics import environment_harmonics
+from btfcore.render.env_harmonics import environment_harmonics, rotated_about_y
 from btfcore.render.environment import (
     Environment,
     luminance,
@@ -40,23 +41,28 @@ class LightTree(Frozen):
 
     direction (T, 3) f8 unit, of the unturned map; energy (T, 3) f8: ∫ E dω of the region, for
     intensity 1; born, split (T,) i8: a region is one of the n lights where born < n ≤ split.
+    harmonics (49, 3) f8: coefficients of the map, reduced for cutting, up to order 6.
     """
 
     direction: F8
     energy: F8
     born: I8
     split: I8
+    harmonics: F8
 
     @property
     def most(self) -> int:
         """Greatest number of lights that it can give."""
         return int(self.born.max(initial=-1)) + 1
 
-    def lights(self, count: int, *, rotation: float = 0.0, intensity: float = 1.0) -> Lights:
+    def lights(
+        self, count: int, *, rotation: float = 0.0, intensity: float = 1.0, order: int | None = None
+    ) -> Lights:
         """`count` lights, or `most` where that is fewer; none for a black map.
 
-        Their intensities add up to ∫ E dω / π whatever the count. Takes microseconds, so that
-        a moving scene can take few and one at rest many. Raises `InvalidParameter`.
+        Their intensities add up to ∫ E dω / π whatever the count. order : of harmonics that go
+        along, 0 … 6, None: none. Takes a millisecond, so that a moving scene can take few and
+        one at rest many. Raises `InvalidParameter`.
         """
         if not 1 <= count <= MOST_LIGHTS:
             raise InvalidParameter(f"{count} lights for an environment; 1 to {MOST_LIGHTS} can be")
@@ -66,7 +72,12 @@ class LightTree(Frozen):
         chosen = (self.born < taken) & (taken <= self.split)
         direction = turned(self.direction[chosen], rotation)
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-        return Lights(direction, self.energy[chosen] * (intensity / np.pi), sampled=taken)
+        strength = self.energy[chosen] * (intensity / np.pi)
+        if order is None:
+            return Lights(direction, strength, sampled=taken)
+        check_basis(order, "spherical")
+        series = rotated_about_y(self.harmonics[: functions(order)] * intensity, rotation)
+        return Lights(direction, strength, sampled=taken, harmonics=series)
 
 
 def light_tree(environment: Environment, most: int = 1024) -> LightTree:
@@ -85,7 +96,9 @@ def light_tree(environment: Environment, most: int = 1024) -> LightTree:
     directions = np.ascontiguousarray(texel_directions(height).reshape(-1, 3)[lit])
     energy = radiance.reshape(-1, 3)[lit] * angle.ravel()[lit, None]
     largest = weight.max(initial=0.0) or 1.0  # so that squares of faint light do not vanish
-    return LightTree(*_cut(directions, weight[lit] / largest, energy, most))
+    series = environment_harmonics(Environment(radiance), LARGEST_ORDER)
+    direction, sums, born, split = _cut(directions, weight[lit] / largest, energy, most)
+    return LightTree(direction, sums, born, split, series)
 
 
 def environment_lights(environment: Environment, count: int, *, order: int | None = 4) -> Lights:
@@ -94,13 +107,9 @@ def environment_lights(environment: Environment, count: int, *, order: int | Non
     order : of the map's harmonics that go along for what is rendered from harmonics; None:
     none. The same map gives the same bits; no seed is needed. Raises `InvalidParameter`.
     """
-    lights = light_tree(environment, count).lights(
-        count, rotation=environment.rotation, intensity=environment.intensity
+    return light_tree(environment, count).lights(
+        count, rotation=environment.rotation, intensity=environment.intensity, order=order
     )
-    if order is None:
-        return lights
-    harmonics = environment_harmonics(environment, order)
-    return Lights(lights.direction, lights.intensity, lights.sampled, harmonics)
 
 
 @njit(cache=True, nogil=True)

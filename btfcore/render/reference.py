@@ -148,7 +148,8 @@ def _blended(
 
 
 def _factors(material: FactorMaterial, views: Nodes, lights: Nodes, texels: Nodes) -> F8:
-    weights = _bilinear(material.weights.reshape(-1, material.rank), texels)
+    height, width = material.shape
+    weights = _bilinear(material.weights.reshape(height * width, material.rank), texels)
     coded = np.zeros((len(weights), 3))
     for a, alpha in zip(views[0].T, views[1].T, strict=True):
         for b, beta in zip(lights[0].T, lights[1].T, strict=True):
@@ -171,7 +172,8 @@ def _raw(material: RawMaterial, views: Nodes, lights: Nodes, texels: Nodes) -> F
 
 def _harmonic_weights(material: HarmonicMaterial, views: Nodes, texels: Nodes) -> F8:
     """Weights (n, K + 1) between views and texels; the last is 1, that of the mean."""
-    flat = material.weights.reshape(len(material.weights), -1, material.rank)
+    height, width = material.shape
+    flat = material.weights.reshape(len(material.weights), height * width, material.rank)
     out = np.ones((len(texels[0]), material.rank + 1))
     out[:, :-1] = 0
     for a, alpha in zip(views[0].T, views[1].T, strict=True):

@@ -3,6 +3,7 @@
 import time
 
 import numpy as np
+import OpenImageIO
 import pytest
 
 from btfcore.btf.oiio_door import kind_of, raw_picture
@@ -47,11 +48,24 @@ def test_jpegs_are_srgb():
 
 
 def test_other_shapes_are_refused():
-    for shape in ((4, 4), (4, 4, 4), (0, 4, 3)):
+    for shape in ((4, 4), (4, 4, 2), (4, 4, 5), (0, 4, 3)):
         with pytest.raises(InvalidParameter, match="is needed"):
             encode_exr(np.zeros(shape, np.float32))
     with pytest.raises(InvalidParameter, match="quality of 0"):
         encode_jpeg(np.zeros((4, 4, 3), np.float32), quality=0)
+    with pytest.raises(InvalidParameter, match=r"\(H, W, 3\) is needed"):
+        encode_hdr(np.zeros((4, 4, 4), np.float32))
+
+
+def test_alpha_is_a_band_of_its_own(tmp_path, radiance):
+    alpha = np.linspace(0, 1, 45, dtype=np.float32).reshape(5, 9, 1)
+    image = np.concatenate([radiance * alpha, alpha], axis=2)
+    path = tmp_path / "image.exr"
+    path.write_bytes(encode_exr(image, half=False))
+    opened = OpenImageIO.ImageInput.open(str(path))
+    assert opened.spec().channelnames == ("R", "G", "B", "A")
+    assert opened.spec().alpha_channel == 3
+    assert np.array_equal(opened.read_image("float"), image)
 
 
 def test_the_same_image_makes_the_same_bytes():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from btfcore.errors import InvalidParameter
+from btfcore.render.env_harmonics import environment_harmonics
 from btfcore.render.environment import Environment, total, turned
 from btfcore.render.importance import environment_lights, light_tree
 from tests.render.skies import irradiance, normals, studio, sun_and_sky
@@ -77,6 +78,11 @@ def test_harmonics_go_along():
     assert lights.harmonics.shape == (9, 3)
     assert np.allclose(lights.harmonics[0], np.sqrt(4 * np.pi))
     assert np.abs(lights.harmonics[1:]).max() < 1e-12
+    turned_map = Environment(sun_and_sky(64), rotation=50, intensity=2)
+    lights = environment_lights(turned_map, 8, order=4)
+    assert np.allclose(lights.harmonics, environment_harmonics(turned_map, 4), atol=1e-12)
+    with pytest.raises(InvalidParameter, match="order 7"):
+        environment_lights(turned_map, 8, order=7)
 
 
 def test_the_same_map_gives_the_same_bits():
