@@ -11,7 +11,7 @@ from btfcore.errors import InvalidParameter
 
 STAGES = (
     "dense", "quilt", "growth", "shortcuts", "mapping", "peers", "bake", "factorize", "harmonics",
-    "interpolation", "paint",
+    "interpolation", "paint", "render",
 )  # fmt: skip
 
 

@@ -14,6 +14,9 @@ from PyQt6.QtCore import QObject, pyqtSignal
 from btfcore.files.surface import ExportSurface
 from btfcore.quilt.measure import SeamMeasures
 from btfcore.quilt.parameters import QuiltParameters
+from btfcore.render.importance import LightTree
+from btfcore.render.material import Material
+from btfcore.render.relight import Relighter
 from btfcore.types import I4, ImportReport, Mesh, Prepared, Quilt, Sample
 
 U1 = NDArray[np.uint8]
@@ -27,6 +30,35 @@ class Mode(StrEnum):
     SEAMS = "seams"
     CHARTS = "charts"
     FIELD = "field"
+    LIT = "lit"
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """A distant light: unit direction towards it in scene coordinates, linear colour, strength."""
+
+    direction: tuple[float, float, float] = (0.45, 0.55, 0.705)
+    colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    strength: float = 1.0
+
+
+@dataclass(frozen=True)
+class Lighting:
+    """What the surface is lit by and how its radiance is shown.
+
+    lamps: `main` is the one that dragging moves. exposure in stops; curve: one of those of
+    `btfcore.render.tonemap`. environment: light from all around, of the file `source`, turned
+    by `turn` degrees. shadows: lamps cast shadows between parts of the mesh.
+    """
+
+    lamps: tuple[Lamp, ...] = (Lamp(),)
+    main: int = 0
+    exposure: float = 0.0
+    curve: str = "clip"
+    environment: LightTree | None = None
+    source: str = ""
+    turn: float = 0.0
+    shadows: bool = False
 
 
 @dataclass(frozen=True)
@@ -64,7 +96,7 @@ class Canvas:
 
 @dataclass(frozen=True, eq=False)
 class Decoration:
-    """A finished synthesis."""
+    """A finished synthesis; `materials` are what it is lit with, by sample number."""
 
     canvas: Canvas
     sample: Sample
@@ -72,6 +104,7 @@ class Decoration:
     patches: int
     seams: SeamMeasures
     seconds: float
+    materials: tuple[Material, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +126,7 @@ class Document(QObject):
     result_changed = pyqtSignal()
     picture_changed = pyqtSignal()
     mode_changed = pyqtSignal()
+    lighting_changed = pyqtSignal()
 
     def __init__(self, parent: QObject | None = None) -> None:
         """Start empty."""
@@ -106,6 +140,9 @@ class Document(QObject):
         self.exported = True
         self.mode = Mode.COLOUR
         self.textures: dict[Mode, U1] = {}
+        self.lighting = Lighting()
+        self.relighter: Relighter | None = None
+        self.growing = False  # a synthesis runs, and its partial pictures are shown
 
     @property
     def surface(self) -> ExportSurface | None:
@@ -117,7 +154,16 @@ class Document(QObject):
     @property
     def texture(self) -> U1 | None:
         """The image to draw on it in the present mode; None: plain."""
+        if self.mode is Mode.LIT:  # until there is light
+            return self.textures.get(Mode.COLOUR)
         return self.textures.get(self.mode)
+
+    @property
+    def lit(self) -> Relighter | None:
+        """What lights the surface that is shown, while it is to be shown under light."""
+        done = self.decoration
+        ready = self.mode is Mode.LIT and not self.growing and done is not None
+        return self.relighter if ready and done and done.canvas is self.canvas else None
 
     @property
     def unsaved(self) -> bool:
@@ -130,12 +176,15 @@ class Document(QObject):
             return True
         if mode is Mode.SEAMS:
             return self.decoration is not None or Mode.COLOUR in self.textures
+        if mode is Mode.LIT:
+            return self.decoration is not None and bool(self.decoration.materials)
         return self.canvas is not None
 
     def set_mesh(self, opened: Opened) -> None:
         """Take another mesh; what was made of the old one is gone."""
         self.opened = opened
-        self.canvas = self.decoration = None
+        self.canvas = self.decoration = self.relighter = None
+        self.growing = False
         self.exported = True
         self.textures = {}
         self.mode = Mode.COLOUR
@@ -156,6 +205,8 @@ class Document(QObject):
     def set_decoration(self, decoration: Decoration) -> None:
         """Take a finished result and its own canvas."""
         self.decoration = decoration
+        self.relighter = None
+        self.growing = False
         self.exported = False
         self.set_canvas(decoration.canvas)
         self.textures.pop(Mode.COLOUR, None)
@@ -165,8 +216,35 @@ class Document(QObject):
     def set_texture(self, mode: Mode, image: U1) -> None:
         """Take the picture of a mode for the present canvas."""
         self.textures[mode] = image
-        if mode is self.mode:
+        shown = Mode.COLOUR if self.mode is Mode.LIT and self.lit is None else self.mode
+        if mode is shown:
             self.picture_changed.emit()
+
+    def set_growing(self, growing: bool) -> None:
+        """Show the partial pictures of a synthesis, also where light was shown; or no longer."""
+        if growing is not self.growing:
+            self.growing = growing
+            self.picture_changed.emit()
+
+    def set_relighter(self, relighter: Relighter) -> None:
+        """Take what lights the present decoration."""
+        self.relighter = relighter
+        if self.mode is Mode.LIT:
+            self.picture_changed.emit()
+
+    def set_lighting(self, **changes: object) -> None:
+        """Light it otherwise, or show its radiance otherwise."""
+        lighting = replace(self.lighting, **changes)  # type: ignore[arg-type]
+        if lighting != self.lighting:
+            self.lighting = lighting
+            self.lighting_changed.emit()
+
+    def move_light(self, direction: tuple[float, float, float]) -> None:
+        """Let the main lamp shine from `direction`, a unit vector in scene coordinates."""
+        lamps, main = list(self.lighting.lamps), self.lighting.main
+        if lamps:
+            lamps[main] = replace(lamps[main], direction=direction)
+            self.set_lighting(lamps=tuple(lamps))
 
     def drop_textures(self) -> None:
         """Forget pictures of an unfinished result."""

@@ -108,7 +108,7 @@ class Menus:
         actions = {}
         names = {
             Mode.COLOUR: _tr("&Colour"), Mode.SEAMS: _tr("&Seams"), Mode.CHARTS: _tr("C&harts"),
-            Mode.FIELD: _tr("F&ield"),
+            Mode.FIELD: _tr("F&ield"), Mode.LIT: _tr("&Light"),
         }  # fmt: skip
         for number, (mode, name) in enumerate(names.items(), start=1):
             action = self._add(

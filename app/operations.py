@@ -16,6 +16,7 @@ from btfcore import pipeline
 from btfcore.btf.image import SUFFIXES as IMAGE_SUFFIXES
 from btfcore.btf.image import read_images
 from btfcore.errors import Cancelled, PatinaError
+from btfcore.files.light_file import read_environment
 from btfcore.files.package.read import read_package
 from btfcore.files.package.write import SUFFIX as PACKAGE_SUFFIX
 from btfcore.files.samples import thumbnail
@@ -24,8 +25,13 @@ from btfcore.mesh.reader import SUFFIXES as MESH_SUFFIXES
 from btfcore.progress import Progress, between
 from btfcore.quilt.measure import measure_seams
 from btfcore.render.gutter import gutter_source
+from btfcore.render.importance import LightTree, light_tree
+from btfcore.render.lights import directional
+from btfcore.render.material import factor_material
 from btfcore.render.modes import chart_colours, field_colours, seam_colours
+from btfcore.render.relight import Relighter
 from btfcore.render.texture import atlas_texture, vertex_colours
+from btfcore.samples import LoadedMaterial, load_material
 from btfcore.types import Atlas, Quilt, Sample
 
 if TYPE_CHECKING:
@@ -54,12 +60,14 @@ class Operations(QObject):
         self.work = Tasks(self)
         self.drawing = Tasks(self)
         self.reading = Tasks(self)
+        self.opening = Tasks(self)  # environments
         self._to_read: list[Path] = []
         self._canvases: dict[int, Canvas] = {}
-        self._sample: tuple[Path, Sample] | None = None
+        self._sample: tuple[Path, LoadedMaterial] | None = None
+        self._unlit: Decoration | None = None  # what could not be lit
         # the synthesis that was cancelled last, by what it was asked to do
         self._unfinished: dict[tuple[Canvas, Sample, QuiltParameters], Synthesizer] = {}
-        for tasks in (self.work, self.drawing, self.reading):
+        for tasks in (self.work, self.drawing, self.reading, self.opening):
             tasks.finished.connect(self._finish)
             tasks.reported.connect(self._take)
             tasks.failed.connect(self._fail)
@@ -99,10 +107,11 @@ class Operations(QObject):
             parameters = knobs.quilting()
             progress(0.0, "reading the sample")
             if known and known[0] == path:
-                sample = known[1]
+                loaded = known[1]
             else:
-                sample = pipeline.load_sample(path, progress=between(progress, 0.0, 0.02))
-            report("sample", (path, sample))
+                loaded = load_material(path, progress=between(progress, 0.0, 0.02))
+            report("sample", (path, loaded))
+            sample = loaded.picture
             here = canvas or _prepare(opened, knobs.rate, between(progress, 0.02, 0.4))
             report("canvas", (opened, knobs.rate, here))
 
@@ -126,7 +135,8 @@ class Operations(QObject):
             seams = measure_seams(engine.net, engine.state, engine.sheet)
             patches, seconds = engine.statistics.patches, time.monotonic() - start
             report("frame", self._pictures(here, sample, quilt))
-            return Decoration(here, sample, quilt, patches, seams, seconds)
+            materials = (factor_material(loaded.btf),)
+            return Decoration(here, sample, quilt, patches, seams, seconds, materials)
 
         return self._start("synthesize", job)
 
@@ -172,6 +182,15 @@ class Operations(QObject):
             self.noted.emit(text.format(folder, len(found), MOST_SAMPLES))
         self.offer(found[:MOST_SAMPLES])
 
+    def open_environment(self, path: Path) -> bool:
+        """Light the surface by a picture of all that is around; False while another is read."""
+
+        def job(progress: Progress, report: Report) -> tuple[str, LightTree, tuple[str, ...]]:
+            environment, notes = read_environment(path, progress=between(progress, 0.0, 0.7))
+            return path.name, light_tree(environment), notes
+
+        return self.opening.start("environment", job)
+
     def cancel(self) -> None:
         """Stop what runs; the document stays as it was before."""
         self.work.cancel()
@@ -183,19 +202,24 @@ class Operations(QObject):
     def close(self) -> None:
         """Stop everything and wait until no thread of ours runs."""
         self._to_read = []
-        for tasks in (self.work, self.drawing, self.reading):
+        for tasks in (self.work, self.drawing, self.reading, self.opening):
             tasks.cancel()
-        for tasks in (self.work, self.drawing, self.reading):
+        for tasks in (self.work, self.drawing, self.reading, self.opening):
             tasks.close()
 
     def draw(self) -> None:
         """Make the picture of the present mode where it is missing."""
         document, mode = self.document, self.document.mode
         canvas, done = document.canvas, document.decoration
-        if canvas is None or mode in document.textures or self.drawing.busy:
+        if canvas is None or self.drawing.busy:
+            return
+        if mode is Mode.LIT and Mode.COLOUR in document.textures:
+            self._light(done)
+            return
+        if mode in document.textures:
             return
         make: Callable[[], dict[Mode, U1]]
-        if mode in (Mode.COLOUR, Mode.SEAMS):
+        if mode in (Mode.COLOUR, Mode.SEAMS, Mode.LIT):
             if done is None or done.canvas is not canvas:
                 return
             make = lambda: _both(canvas, done.sample, done.quilt)  # noqa: E731
@@ -208,6 +232,24 @@ class Operations(QObject):
                 mode: _image(canvas, field_colours(prepared.dense, prepared.field))
             }
         self.drawing.start("draw", lambda progress, report: (canvas, make()))
+
+    def _light(self, done: Decoration | None) -> None:
+        """Prepare what lights the decoration, in the background: it may have to compile."""
+        document = self.document
+        if done is None or document.relighter is not None or done.canvas is not document.canvas:
+            return
+        if not done.materials or done is self._unlit:
+            return
+
+        def job(progress: Progress, report: Report) -> tuple[Decoration, Relighter]:
+            relighter = Relighter(
+                done.canvas.prepared, done.quilt, done.materials,
+                gutter=done.canvas.gutter, progress=progress,
+            )  # fmt: skip
+            relighter.warm_up(directional((0.3, 0.4, 0.9)), progress=progress)
+            return done, relighter
+
+        self.drawing.start("light", job)
 
     # --- results
 
@@ -235,6 +277,7 @@ class Operations(QObject):
                 self.document.set_canvas(canvas)
                 self.document.drop_textures()
         elif name == "frame":
+            self.document.set_growing(True)
             self._show(*value)
 
     def _show(self, canvas: Canvas, images: dict[Mode, U1]) -> None:
@@ -259,16 +302,28 @@ class Operations(QObject):
             self.exported.emit(written)
         elif name == "draw":
             self._show(*value)
+        elif name == "environment":
+            source, tree, notes = value
+            self.document.set_lighting(environment=tree, source=source, turn=0.0)
+            for note in notes:
+                self.noted.emit(f"{source}: {note}")
+        elif name == "light":
+            done, relighter = value
+            if done is self.document.decoration:
+                self.document.set_relighter(relighter)
         elif name == "thumbnails":
             self.document.offer_samples(value)
 
     def _fail(self, name: str, text: str) -> None:
+        if name == "light":  # not tried again for this one
+            self._unlit = self.document.decoration
         self.failed.emit(text)
         self._restore(name)
 
     def _restore(self, name: str) -> None:
         """After a stopped synthesis show the last finished one, or the bare mesh."""
         if name == "synthesize":
+            self.document.set_growing(False)
             done = self.document.decoration
             if done is not None:
                 self.document.set_canvas(done.canvas)

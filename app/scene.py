@@ -47,7 +47,8 @@ class Scene:
         self._plotter = plotter
         self._actor: Any = None
         self._markers: Any = None
-        self._texture: vtkTexture | None = None
+        self._textures: tuple[vtkTexture, ...] = ()  # of one image: plain, and filtered
+        self._reduced = True
         self._image: vtkImageData | None = None
         self._lit = False
         self.place = Placement((0.0, 0.0, 0.0), 1.0)
@@ -66,7 +67,8 @@ class Scene:
         for actor in (self._actor, self._markers):
             if actor is not None:
                 self._plotter.remove_actor(actor, render=False)
-        self._actor = self._markers = self._texture = self._image = None
+        self._actor = self._markers = self._image = None
+        self._textures = ()
         if surface is None:
             self._points = np.zeros((0, 3))
             return
@@ -91,18 +93,17 @@ class Scene:
         self._actor.prop.interpolation = "Phong"
         self._lit = False
 
-    def set_texture(self, image: U1 | None, *, radiance: bool = False, smooth: bool = True) -> None:
+    def set_texture(self, image: U1 | None, *, radiance: bool = False) -> None:
         """Put an atlas image (H, W, 3) u8, row 0 on top, on the surface; None is clay.
 
         radiance : the image is what is to be seen, and no light of the scene falls on it.
-        smooth : filter it where it is reduced, which takes long to prepare.
         """
         if self._actor is None:
             return
         self._shine(radiance and image is not None)
         if image is None:
             self._actor.SetTexture(None)
-            self._texture = None
+            self._textures = ()
             self._actor.prop.color = CLAY
             return
         # uv count from the upper left corner and VTK's first row is v = 0: no row is flipped
@@ -111,18 +112,23 @@ class Scene:
         holder.SetDimensions(width, height, 1)
         values = numpy_to_vtk(np.ascontiguousarray(image).reshape(-1, bands), deep=True)
         holder.GetPointData().SetScalars(values)
-        if self._texture is None:
-            self._texture = vtkTexture()
-            self._texture.InterpolateOn()
-            self._texture.RepeatOff()
-            self._texture.EdgeClampOn()
-            self._texture.SetColorModeToDirectScalars()
-            self._actor.SetTexture(self._texture)
+        if not self._textures:
+            self._textures = (_filtered(False), _filtered(True))
             self._actor.prop.color = (1.0, 1.0, 1.0)
-        self._texture.SetMipmap(smooth)
-        self._texture.SetMaximumAnisotropicFiltering(8.0 if smooth else 1.0)
-        self._texture.SetInputData(holder)
+            self._actor.SetTexture(self._textures[self._reduced])
+        for each in self._textures:  # each is uploaded when it is drawn
+            each.SetInputData(holder)
         self._image = holder
+
+    def filter_reduced(self, wanted: bool) -> None:
+        """Average what of the texture falls into a pixel, or read it bilinearly in the middle.
+
+        The former takes a driver without a graphics card long.
+        """
+        if wanted is not self._reduced:
+            self._reduced = wanted
+            if self._textures:
+                self._actor.SetTexture(self._textures[wanted])
 
     def _shine(self, radiance: bool) -> None:
         """Show colours as they are, or under the scene's own light."""
@@ -182,6 +188,23 @@ class Scene:
                 self._plotter.enable_anti_aliasing("ssaa")
             else:
                 self._plotter.disable_anti_aliasing()
+
+
+def _filtered(reduced: bool) -> vtkTexture:
+    """Return a texture without an image.
+
+    Two rather than one that is switched: VTK leaves a texture's anisotropy as it was first, and
+    without mip levels llvmpipe then reads thousands of texels for a pixel.
+    """
+    texture = vtkTexture()
+    texture.InterpolateOn()
+    texture.RepeatOff()
+    texture.EdgeClampOn()
+    texture.SetColorModeToDirectScalars()
+    texture.SetMipmap(reduced)
+    if reduced:
+        texture.SetMaximumAnisotropicFiltering(8.0)
+    return texture
 
 
 def off_screen_plotter(size: tuple[int, int]) -> Any:

@@ -22,6 +22,7 @@ from app.document import Document
 from app.menus import Menus
 from app.operations import SAMPLE_SUFFIXES, Operations, is_mesh, is_sample
 from app.panels.knobs import KnobsPanel
+from app.panels.light import LightPanel
 from app.panels.messages import MessageBar
 from app.panels.modes import ModesPanel
 from app.panels.run import RunPanel
@@ -36,6 +37,7 @@ from btfcore.library import btf_samples, meshes, samples
 from btfcore.mesh.reader import SUFFIXES as MESH_SUFFIXES
 
 PANEL_WIDTH = 344
+ENVIRONMENTS = (".hdr", ".exr", ".png", ".jpg", ".jpeg", ".tif", ".tiff")
 
 
 class Window(QMainWindow):
@@ -60,6 +62,7 @@ class Window(QMainWindow):
         self.knobs = KnobsPanel(self.document)
         self.run = RunPanel(self.document, self.operations.work)
         self.modes = ModesPanel(self.document)
+        self.light = LightPanel(self.document)
         self.stack = QStackedWidget()
         self.stack.addWidget(self.welcome)
         self.stack.addWidget(self.viewport)
@@ -93,7 +96,7 @@ class Window(QMainWindow):
         rows = QVBoxLayout(main)
         rows.setContentsMargins(0, 0, 0, 0)
         rows.setSpacing(0)
-        for widget in (self.modes, self.errors, self.notes):
+        for widget in (self.modes, self.light, self.errors, self.notes):
             rows.addWidget(widget)
         rows.addWidget(self.stack, 1)
         splitter = QSplitter(Qt.Orientation.Horizontal)
@@ -120,6 +123,11 @@ class Window(QMainWindow):
         self.run.cancel_wanted.connect(self.cancel)
         self.run.pause_wanted.connect(self.pause)
         self.run.export_wanted.connect(self.ask_export)
+        self.light.environment_wanted.connect(self.ask_environment)
+        self.light.drag_wanted.connect(self.viewport.set_light_drag)
+        self.viewport.lit.told.connect(self.light.tell)
+        self.viewport.lit.backend_found.connect(self.light.tell_backend)
+        self.viewport.lit.failed.connect(self.errors.tell)
         self.document.mesh_changed.connect(self._show_mesh)
         self.document.result_changed.connect(self._show_result)
 
@@ -192,6 +200,16 @@ class Window(QMainWindow):
                 name += next((each for each in EXPORT_SUFFIXES if each in kind), ".glb")
             self._keep_folder("export", name)
             self.operations.export(Path(name))
+
+    def ask_environment(self) -> None:
+        """Let the user choose a picture of all that is around."""
+        kinds = self.tr("Environments ({0})").format(_patterns(ENVIRONMENTS))
+        name, _ = QFileDialog.getOpenFileName(
+            self, self.tr("Open environment"), self._folder("environment"), kinds
+        )
+        if name:
+            self._keep_folder("environment", name)
+            self.operations.open_environment(Path(name))
 
     def about(self) -> None:
         """Tell what this is, who made its parts and under which terms."""

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from btfcore.btf.appearance import quilting_sample
+from btfcore.btf.colour import srgb_to_linear
 from btfcore.btf.directions import to_angles
 from btfcore.btf.feature import check_mask, flat_fielded, prepared
 from btfcore.btf.image import read_mask
-from btfcore.btf.sample import BtfSample, Encoding
+from btfcore.btf.sample import BtfSample, Encoding, from_picture
 from btfcore.btf.stack import ArrayStack
 from btfcore.btf.weights import Weights
 from btfcore.errors import InvalidBtf
@@ -230,6 +231,57 @@ def load_quilting_sample(
         sample, view_weights=view_weights, light_weights=light_weights, progress=progress
     )
     return ready, sample.notes
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedMaterial:
+    """A sample read once for both ends: `picture` to quilt with, `btf` to be lit.
+
+    btf : comes with its factors unless it is an ordinary picture. notes: sentences for a user
+    about what was changed in reading.
+    """
+
+    picture: Sample
+    btf: BtfSample
+    notes: tuple[str, ...] = ()
+
+
+def load_material(
+    path: str | Path,
+    *,
+    rank: int = 40,
+    view_weights: Weights = None,
+    light_weights: Weights = None,
+    memory_mb: float = 2048,
+    progress: Progress = silent,
+) -> LoadedMaterial:
+    """Open a sample of any kind for quilting and for rendering, read and factorised once.
+
+    An image file is read as a texture always is, and rendered as Lambertian. Raises
+    `InvalidImage`, `InvalidBtf`, `InvalidParameter` or `GuardedFailure`.
+    """
+    from btfcore.btf.image import SUFFIXES, read_image_notes
+
+    path = Path(path)
+    if path.suffix.lower() in SUFFIXES or not path.exists():
+        picture, notes = read_image_notes(path, progress=progress)
+        btf = from_picture(
+            picture.name, srgb_to_linear(picture.colour), tiles=picture.tiles, mask=picture.mask
+        )
+        return LoadedMaterial(picture, btf, notes)
+    btf = open_sample(path, progress=between(progress, 0.0, 0.2))
+    if btf.factors is None and not btf.is_image:
+        from btfcore.btf.factor.svd import factorize
+
+        factors = factorize(
+            btf, rank=rank, memory_mb=memory_mb, progress=between(progress, 0.2, 0.9)
+        )
+        btf = replace(btf, factors=factors)
+    picture = quilting_sample(
+        btf, view_weights=view_weights, light_weights=light_weights, memory_mb=memory_mb,
+        progress=between(progress, 0.9, 1.0),
+    )  # fmt: skip
+    return LoadedMaterial(picture, btf, btf.notes)
 
 
 def load_paint_sample(

@@ -26,6 +26,7 @@ class ModesPanel(QWidget):
             (Mode.SEAMS, self.tr("Seams"), self.tr("Where patches meet, in yellow (2)")),
             (Mode.CHARTS, self.tr("Charts"), self.tr("Pieces of the texture atlas (3)")),
             (Mode.FIELD, self.tr("Field"), self.tr("Directions the pattern follows (4)")),
+            (Mode.LIT, self.tr("Light"), self.tr("The material under light that moves (5)")),
         ):
             button = named(QPushButton(name), "mode")
             button.setCheckable(True)
@@ -35,7 +36,10 @@ class ModesPanel(QWidget):
             layout.addWidget(button)
             self.buttons[mode] = button
         layout.addStretch()
-        for changed in (document.mode_changed, document.picture_changed, document.mesh_changed):
+        for changed in (
+            document.mode_changed, document.picture_changed, document.mesh_changed,
+            document.result_changed,
+        ):  # fmt: skip
             changed.connect(self._refresh)
         self._refresh()
 

@@ -29,13 +29,15 @@ class RayTree(Frozen):
 
     box (B, 6) f4: low and high corner, rounded outwards; child (B,) i4: first of two children
     that follow each other, or first triangle; count (B,) i4: triangles of a leaf, 0 for a node
-    with children; triangle (F, 9) f8: a corner and the edges to the others, in the tree's order.
+    with children; triangle (F, 9) f8: a corner and the edges to the others, in the tree's order;
+    face (F,) i4: number that each of these had in the mesh.
     """
 
     box: F4
     child: I4
     count: I4
     triangle: F8
+    face: I4
 
 
 def ray_tree(vertices: ArrayLike, faces: ArrayLike) -> RayTree:
@@ -60,7 +62,8 @@ def ray_tree(vertices: ArrayLike, faces: ArrayLike) -> RayTree:
     high = np.nextafter(box[:, 3:].astype(np.float32), np.float32(np.inf))
     a, b, c = np.moveaxis(used[order], 1, 0)
     triangle = np.ascontiguousarray(np.concatenate([a, b - a, c - a], axis=1))
-    return RayTree(np.concatenate([low, high], axis=1), child, count, triangle)
+    boxes = np.concatenate([low, high], axis=1)
+    return RayTree(boxes, child, count, triangle, order.astype(np.int32))
 
 
 def blocked(tree: RayTree, origins: F8, directions: F8) -> NDArray[np.bool_]:
@@ -157,7 +160,7 @@ def _meets(triangle, t, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
     return (bx * qx + by * qy + bz * qz) * inverse > 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _build(low, high):  # type: ignore[no-untyped-def]
     """Boxes (B, 6), first children or triangles, counts, and the triangles' order."""
     triangles = len(low)
@@ -192,7 +195,7 @@ def _build(low, high):  # type: ignore[no-untyped-def]
     return box[:made].copy(), child[:made].copy(), count[:made].copy(), order
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _split(low, high, middle, order, spare, begin, end):  # type: ignore[no-untyped-def]
     """Divide order[begin:end] where the heuristic is cheapest; returns the place."""
     best, best_axis, best_bin = np.inf, -1, 0
@@ -244,7 +247,7 @@ def _split(low, high, middle, order, spare, begin, end):  # type: ignore[no-unty
     return left
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _grow(box, other):  # type: ignore[no-untyped-def]
     """Enlarge `box` by `other` and return half its surface, 0 while it is empty."""
     for k in range(3):
