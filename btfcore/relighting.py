@@ -15,22 +15,24 @@ from btfcore.btf.sample import BtfSample, from_picture
 from btfcore.errors import InvalidParameter
 from btfcore.files.light_file import LightSetting, lights_of
 from btfcore.files.surface import ExportSurface, export_input
-from btfcore.mesh.distance import nearest_face
-from btfcore.mesh.rays import RayTree, ray_tree
-from btfcore.mesh.weld import weld
 from btfcore.painting import Painting, open_project
 from btfcore.progress import Progress, between, silent
 from btfcore.render.backdrop import Backdrop, develop_picture, over
 from btfcore.render.camera import Turntable
-from btfcore.render.cast import ray_origins, visibility
-from btfcore.render.env_harmonics import environment_harmonics
+from btfcore.render.cast import Caster, caster
 from btfcore.render.environment import Environment
 from btfcore.render.evaluate import Evaluator
 from btfcore.render.film import Shot, framing_all, moved_lights
 from btfcore.render.gutter import gutter_source
 from btfcore.render.importance import light_tree
 from btfcore.render.lights import Lights, joined
-from btfcore.render.material import FactorMaterial, Material, material, truncated
+from btfcore.render.material import (
+    FactorMaterial,
+    HarmonicMaterial,
+    Material,
+    material,
+    truncated,
+)
 from btfcore.render.picture import Subject, render_linear
 from btfcore.render.pool import shared_pool
 from btfcore.render.raster import check_size
@@ -215,7 +217,8 @@ class Renderer:
             rank=look.rank, memory_mb=look.memory_mb, progress=progress,
         )  # fmt: skip
         self._evaluator = Evaluator(made)
-        self._caster: tuple[RayTree, F4, F4] | None = None
+        self._harmonic = any(isinstance(each, HarmonicMaterial) for each in made)
+        self._caster: Caster | None = None
 
     def camera(
         self, azimuth: float, elevation: float, distance: float | None = None, *, turns: int = 0
@@ -245,11 +248,11 @@ class Renderer:
         if around is None or self._tree is None:
             return found
         count = min(self._count, self._tree.most)
-        sampled = self._tree.lights(count, rotation=around.rotation, intensity=around.intensity)
-        harmonics = environment_harmonics(around, _ENVIRONMENT_ORDER)
-        return joined(
-            [found, Lights(sampled.direction, sampled.intensity, len(sampled), harmonics)]
+        order = _ENVIRONMENT_ORDER if self._harmonic else None
+        sampled = self._tree.lights(
+            count, rotation=around.rotation, intensity=around.intensity, order=order
         )
+        return joined([found, sampled])
 
     def linear(self, shot: Shot, *, progress: Progress = silent) -> F4:
         """Picture (H, W, 4) f4: linear radiance premultiplied by alpha, nothing behind it."""
@@ -289,39 +292,12 @@ class Renderer:
         if not self.look.shadows:
             return None
         if self._caster is None:
-            self._caster = _caster(self.subject)
-        tree, origins, normals = self._caster
-        return visibility(tree, origins, normals, lights, chosen=chosen, pool=shared_pool())
+            shape = self.subject.subject
+            self._caster = caster(shape.positions, shape.faces, self.subject.surfels)
+        return self._caster.visibility(lights, chosen, pool=shared_pool())
 
 
 # --- inside
-
-
-def _caster(subject: Relightable) -> tuple[RayTree, F4, F4]:
-    """What shadows are found with: a tree of the shape, rays' origins and normals of surfels."""
-    positions = subject.subject.positions
-    vertices, faces = weld(positions, subject.surface.faces)
-    place = subject.surfels.position.astype(np.float64)
-    corners = vertices[faces]
-    face = nearest_face(place, corners)
-    normals = np.ascontiguousarray(subject.surfels.frame[:, 2])
-    origins = ray_origins(vertices, faces, face, _shares(place, corners[face]), normals)
-    return ray_tree(vertices, faces), origins, normals
-
-
-def _shares(points: F8, corners: F8) -> F8:
-    """Barycentric coordinates (n, 3), none negative, of points on triangles (n, 3, 3)."""
-    one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    away = points - corners[:, 0]
-    a, b, c = ((u * v).sum(axis=1) for u, v in ((one, one), (one, two), (two, two)))
-    d, e = (away * one).sum(axis=1), (away * two).sum(axis=1)
-    area = a * c - b * b
-    safe = np.where(area > 0, area, 1.0)
-    second = np.where(area > 0, (c * d - b * e) / safe, 0.0)
-    third = np.where(area > 0, (a * e - b * d) / safe, 0.0)
-    share = np.clip(np.column_stack([1 - second - third, second, third]), 0.0, 1.0)
-    out: F8 = share / share.sum(axis=1, keepdims=True)
-    return out
 
 
 def _samples_of(

@@ -12,6 +12,7 @@ where cuts into halves of equal energy (Debevec, "A median cut algorithm for lig
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -28,7 +29,7 @@ from btfcore.render.environment import (
     turned,
 )
 from btfcore.render.lights import NONE, Lights
-from btfcore.types import F8, I8, Frozen
+from btfcore.types import F4, F8, I8, Frozen
 
 MOST_LIGHTS = 4096
 _WORKING_ROWS = 256  # of the map that is cut; 0.7 degrees each
@@ -41,14 +42,19 @@ class LightTree(Frozen):
 
     direction (T, 3) f8 unit, of the unturned map; energy (T, 3) f8: ∫ E dω of the region, for
     intensity 1; born, split (T,) i8: a region is one of the n lights where born < n ≤ split.
-    harmonics (49, 3) f8: coefficients of the map, reduced for cutting, up to order 6.
+    radiance (H, 2H, 3) f4: the map, reduced for cutting.
     """
 
     direction: F8
     energy: F8
     born: I8
     split: I8
-    harmonics: F8
+    radiance: F4
+
+    @cached_property
+    def harmonics(self) -> F8:
+        """Coefficients (49, 3) of the map up to order 6; made when they are first asked for."""
+        return environment_harmonics(Environment(self.radiance), LARGEST_ORDER)
 
     @property
     def most(self) -> int:
@@ -96,9 +102,8 @@ def light_tree(environment: Environment, most: int = 1024) -> LightTree:
     directions = np.ascontiguousarray(texel_directions(height).reshape(-1, 3)[lit])
     energy = radiance.reshape(-1, 3)[lit] * angle.ravel()[lit, None]
     largest = weight.max(initial=0.0) or 1.0  # so that squares of faint light do not vanish
-    series = environment_harmonics(Environment(radiance), LARGEST_ORDER)
     direction, sums, born, split = _cut(directions, weight[lit] / largest, energy, most)
-    return LightTree(direction, sums, born, split, series)
+    return LightTree(direction, sums, born, split, radiance)
 
 
 def environment_lights(environment: Environment, count: int, *, order: int | None = 4) -> Lights:
