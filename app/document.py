@@ -1,119 +1,33 @@
-"""What the window works on: a mesh, samples, knobs and the result; it knows no widget."""
+"""What the window works on: a mesh, samples, knobs, a painting; it knows no widget."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from enum import StrEnum
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from PyQt6.QtCore import QObject, pyqtSignal
 
+from app.layer_views import LayerView, Mark, PaintState
+from app.lighting import Lamp, Lighting
+from app.tool_options import SHARE, TOOLS, ToolOptions
+from app.values import RATES, U1, Canvas, Decoration, Knobs, Mode, Opened, SampleEntry
+from btfcore.errors import InvalidParameter
 from btfcore.files.surface import ExportSurface
-from btfcore.quilt.measure import SeamMeasures
-from btfcore.quilt.parameters import QuiltParameters
-from btfcore.render.importance import LightTree
-from btfcore.render.material import Material
+from btfcore.guide import Guide
+from btfcore.paint.stamp import Preview
+from btfcore.painting import Painting
+from btfcore.quilt.state import QuiltState
+from btfcore.render.glsl.decorated import PackedSurface
 from btfcore.render.relight import Relighter
-from btfcore.types import I4, ImportReport, Mesh, Prepared, Quilt, Sample
+from btfcore.types import F4
 
-U1 = NDArray[np.uint8]
-RATES = (256, 512, 1024, 2048)
-
-
-class Mode(StrEnum):
-    """What is drawn on the surface."""
-
-    COLOUR = "colour"
-    SEAMS = "seams"
-    CHARTS = "charts"
-    FIELD = "field"
-    LIT = "lit"
-
-
-@dataclass(frozen=True)
-class Lamp:
-    """A distant light: unit direction towards it in scene coordinates, linear colour, strength."""
-
-    direction: tuple[float, float, float] = (0.45, 0.55, 0.705)
-    colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    strength: float = 1.0
-
-
-@dataclass(frozen=True)
-class Lighting:
-    """What the surface is lit by and how its radiance is shown.
-
-    lamps: `main` is the one that dragging moves. exposure in stops; curve: one of those of
-    `btfcore.render.tonemap`. environment: light from all around, of the file `source`, turned
-    by `turn` degrees. shadows: lamps cast shadows between parts of the mesh.
-    """
-
-    lamps: tuple[Lamp, ...] = (Lamp(),)
-    main: int = 0
-    exposure: float = 0.0
-    curve: str = "clip"
-    environment: LightTree | None = None
-    source: str = ""
-    turn: float = 0.0
-    shadows: bool = False
-
-
-@dataclass(frozen=True)
-class Knobs:
-    """What the user may set; `rate` is the side of the atlas, the rest is the quilting's."""
-
-    rate: int = 512
-    scale: float = 1.0
-    seed: int = 0
-    work_patch: int | None = None
-
-    def quilting(self) -> QuiltParameters:
-        """Return them as the quilting wants them; raises `InvalidParameter`."""
-        return QuiltParameters(scale=self.scale, seed=self.seed, work_patch=self.work_patch)
-
-
-@dataclass(frozen=True, eq=False)
-class Opened:
-    """A mesh as it was read: its file, its repaired self, what was found, and its shape."""
-
-    path: Path
-    mesh: Mesh
-    imported: ImportReport
-    surface: ExportSurface
-
-
-@dataclass(frozen=True, eq=False)
-class Canvas:
-    """A mesh prepared at some rate, ready to be drawn: `gutter` is its `gutter_source`."""
-
-    prepared: Prepared
-    surface: ExportSurface
-    gutter: I4
-
-
-@dataclass(frozen=True, eq=False)
-class Decoration:
-    """A finished synthesis; `materials` are what it is lit with, by sample number."""
-
-    canvas: Canvas
-    sample: Sample
-    quilt: Quilt
-    patches: int
-    seams: SeamMeasures
-    seconds: float
-    materials: tuple[Material, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class SampleEntry:
-    """A sample on offer: its small picture, or why it cannot be read; neither while loading."""
-
-    path: Path
-    thumbnail: U1 | None = None
-    error: str = ""
+__all__ = [
+    "RATES", "U1", "Canvas", "Decoration", "Document", "Knobs", "Lamp", "Lighting", "Mode",
+    "Opened", "SampleEntry",
+]  # fmt: skip
 
 
 class Document(QObject):
@@ -127,6 +41,17 @@ class Document(QObject):
     picture_changed = pyqtSignal()
     mode_changed = pyqtSignal()
     lighting_changed = pyqtSignal()
+    painting_changed = pyqtSignal()
+    layers_changed = pyqtSignal()
+    history_changed = pyqtSignal()
+    selection_changed = pyqtSignal()
+    surface_edited = pyqtSignal(object)
+    tool_changed = pyqtSignal()
+    options_changed = pyqtSignal()
+    stroke_changed = pyqtSignal()
+    preview_changed = pyqtSignal()
+    guide_changed = pyqtSignal()
+    saved_changed = pyqtSignal()
 
     def __init__(self, parent: QObject | None = None) -> None:
         """Start empty."""
@@ -142,7 +67,78 @@ class Document(QObject):
         self.textures: dict[Mode, U1] = {}
         self.lighting = Lighting()
         self.relighter: Relighter | None = None
+        self.shader_wanted = False  # the graphics card evaluates light
+        # what it draws the present decoration from, or why it cannot; None: not prepared
+        self.packed: PackedSurface | str | None = None
         self.growing = False  # a synthesis runs, and its partial pictures are shown
+        self.state = PaintState()
+        self.saved = Mark()  # what the project file holds
+        self.project_path: Path | None = None
+        self.selected: int | None = None
+        self.tool = "view"
+        self.options = ToolOptions()
+        self.masks: Mapping[Path, F4] = {}
+        self.protected: NDArray[np.bool_] | None = None
+        self.pending: F4 | None = None  # m_0 of the stroke that is being drawn
+        self.preview: tuple[Preview, ...] = ()
+        self.guide: Guide | None = None  # which way the next synthesis runs, where drawn
+        self.overlay: U1 | None = None  # colours with the preview on them
+
+    # --- the painting, as it was when nothing changed it last
+
+    @property
+    def painting(self) -> Painting | None:
+        """The painting; None before the first synthesis."""
+        return self.state.painting
+
+    @property
+    def background(self) -> QuiltState | None:
+        """The quilt below all edits."""
+        return self.state.background
+
+    @property
+    def layers(self) -> tuple[LayerView, ...]:
+        """The edits, bottom first."""
+        return self.state.layers
+
+    @property
+    def history(self) -> tuple[str, ...]:
+        """Labels of all steps, oldest first."""
+        return self.state.history
+
+    @property
+    def history_at(self) -> int:
+        """How many steps of the history are done."""
+        return self.state.at
+
+    @property
+    def undo_label(self) -> str:
+        """What undo would take back, "" where there is nothing."""
+        return self.history[self.history_at - 1] if self.history_at else ""
+
+    @property
+    def redo_label(self) -> str:
+        """What redo would do again, "" where there is nothing."""
+        return self.history[self.history_at] if self.history_at < len(self.history) else ""
+
+    @property
+    def busy_edits(self) -> int:
+        """How many edits are computed or waited for."""
+        return sum(layer.busy for layer in self.layers)
+
+    @property
+    def sample_names(self) -> tuple[str, ...]:
+        """Of the painting's samples, by their numbers."""
+        return tuple(each.name for each in self.state.mark.materials)
+
+    @property
+    def radius(self) -> float:
+        """Radius of the brush in world units, also where it was not set."""
+        opened = self.opened
+        own = self.options.radius
+        return own if own > 0 or opened is None else SHARE * opened.mesh.diagonal
+
+    # --- what is shown
 
     @property
     def surface(self) -> ExportSurface | None:
@@ -154,6 +150,8 @@ class Document(QObject):
     @property
     def texture(self) -> U1 | None:
         """The image to draw on it in the present mode; None: plain."""
+        if self.overlay is not None and self.mode in (Mode.COLOUR, Mode.LIT):
+            return self.overlay
         if self.mode is Mode.LIT:  # until there is light
             return self.textures.get(Mode.COLOUR)
         return self.textures.get(self.mode)
@@ -162,13 +160,16 @@ class Document(QObject):
     def lit(self) -> Relighter | None:
         """What lights the surface that is shown, while it is to be shown under light."""
         done = self.decoration
-        ready = self.mode is Mode.LIT and not self.growing and done is not None
+        shown = self.mode is Mode.LIT and not self.growing and self.overlay is None
+        ready = shown and done is not None
         return self.relighter if ready and done and done.canvas is self.canvas else None
 
     @property
     def unsaved(self) -> bool:
-        """There is a result that was not exported."""
-        return self.decoration is not None and not self.exported
+        """There is work that no project file has; without layers, an export has it too."""
+        if self.painting is None or self.saved.same(self.state.mark):
+            return False
+        return bool(self.state.mark.layers) or not self.exported
 
     def offers(self, mode: Mode) -> bool:
         """Say whether there is something to see in `mode`."""
@@ -183,10 +184,15 @@ class Document(QObject):
     def set_mesh(self, opened: Opened) -> None:
         """Take another mesh; what was made of the old one is gone."""
         self.opened = opened
-        self.canvas = self.decoration = self.relighter = None
+        self.canvas = self.decoration = self.relighter = self.packed = None
         self.growing = False
         self.exported = True
         self.textures = {}
+        self.project_path, self.saved, self.protected = None, Mark(), None
+        self.set_state(PaintState())
+        self.show_stroke(None)
+        self.show_preview((), None)
+        self.set_guide(None)
         self.mode = Mode.COLOUR
         self.mesh_changed.emit()
         self.mode_changed.emit()
@@ -205,13 +211,96 @@ class Document(QObject):
     def set_decoration(self, decoration: Decoration) -> None:
         """Take a finished result and its own canvas."""
         self.decoration = decoration
-        self.relighter = None
+        self.relighter = self.packed = None
         self.growing = False
         self.exported = False
         self.set_canvas(decoration.canvas)
         self.textures.pop(Mode.COLOUR, None)
         self.textures.pop(Mode.SEAMS, None)
         self.result_changed.emit()
+
+    def set_bare(self) -> None:
+        """Show the mesh without a decoration."""
+        self.decoration = self.relighter = self.packed = None
+        self.growing = False
+        self.drop_textures()
+        self.result_changed.emit()
+
+    def follow_edits(self, decoration: Decoration) -> None:
+        """Take the same decoration after edits; pictures and light are brought up to date apart."""
+        self.decoration, self.exported = decoration, False
+        self.result_changed.emit()
+
+    def set_state(self, state: PaintState) -> None:
+        """Take the painting as it is now."""
+        old, self.state = self.state, state
+        uids = {layer.uid for layer in state.layers}
+        if self.selected is not None and self.selected not in uids:
+            self.select(None)
+        if state.painting is not old.painting:
+            self.protected = None
+            self.painting_changed.emit()
+        self.layers_changed.emit()
+        if (state.history, state.at) != (old.history, old.at):
+            self.history_changed.emit()
+        self.saved_changed.emit()
+
+    def select(self, uid: int | None) -> None:
+        """Select a layer, or none."""
+        if uid != self.selected:
+            self.selected = uid
+            self.selection_changed.emit()
+
+    def set_saved(self, mark: Mark, path: Path | None) -> None:
+        """Remember what the project file `path` holds."""
+        self.saved, self.project_path = mark, path
+        self.saved_changed.emit()
+        self.result_changed.emit()
+
+    def show_stroke(self, wanted: F4 | None) -> None:
+        """Take m_0 (N,) of the stroke that is being drawn; None: none is."""
+        if wanted is not None or self.pending is not None:
+            self.pending = wanted
+            self.stroke_changed.emit()
+
+    def show_preview(self, preview: tuple[Preview, ...], overlay: U1 | None) -> None:
+        """Take where a stamp would lie and the picture of that."""
+        if preview or self.preview:
+            self.preview, self.overlay = preview, overlay
+            self.preview_changed.emit()
+            self.picture_changed.emit()
+
+    def set_tool(self, tool: str) -> None:
+        """Take another tool; raises `InvalidParameter` for one that there is not."""
+        if tool not in TOOLS:
+            raise InvalidParameter(f"there is no tool {tool!r}; there are {', '.join(TOOLS)}")
+        if tool != self.tool:
+            self.tool = tool
+            self.tool_changed.emit()
+
+    def set_options(self, **changes: object) -> None:
+        """Set options of the tools; raises `InvalidParameter`, the options staying as they were."""
+        options = replace(self.options, **changes)  # type: ignore[arg-type]
+        if options != self.options:
+            self.options = options
+            self.options_changed.emit()
+
+    def set_mask(self, path: Path, mask: F4 | None) -> None:
+        """Take the mask (H, W) of a sample's feature; None: the one that it came with."""
+        masks = {known: each for known, each in self.masks.items() if known != path}
+        self.masks = masks if mask is None else masks | {path: mask}
+        self.samples_changed.emit()
+
+    def set_guide(self, guide: Guide | None) -> None:
+        """Take the vectors that the next synthesis runs along; None: none are drawn."""
+        if guide is not self.guide:
+            self.guide = guide
+            self.guide_changed.emit()
+
+    def protect(self, mask: NDArray[np.bool_] | None) -> None:
+        """Let edits leave the dense vertices of `mask` (N,) alone; None: none."""
+        self.protected = mask if mask is not None and mask.any() else None
+        self.stroke_changed.emit()
 
     def set_texture(self, mode: Mode, image: U1) -> None:
         """Take the picture of a mode for the present canvas."""
@@ -226,11 +315,24 @@ class Document(QObject):
             self.growing = growing
             self.picture_changed.emit()
 
-    def set_relighter(self, relighter: Relighter) -> None:
-        """Take what lights the present decoration."""
-        self.relighter = relighter
+    def set_relighter(
+        self, relighter: Relighter, packed: PackedSurface | str | None = None
+    ) -> None:
+        """Take what lights the present decoration, on the processor and on the graphics card."""
+        self.relighter, self.packed = relighter, packed
         if self.mode is Mode.LIT:
             self.picture_changed.emit()
+
+    def edited_light(self) -> None:
+        """What lights the surface followed an edit; the graphics card's copy is out of date."""
+        self.packed = None
+        if self.mode is Mode.LIT:
+            self.picture_changed.emit()
+
+    def drop_light(self) -> None:
+        """What lights the surface cannot follow an edit; colours are shown for now."""
+        self.relighter = None
+        self.edited_light()
 
     def set_lighting(self, **changes: object) -> None:
         """Light it otherwise, or show its radiance otherwise."""

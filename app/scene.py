@@ -24,11 +24,12 @@ from vtkmodules.vtkRenderingCore import vtkTexture
 from btfcore.files.atomic import write_bytes
 from btfcore.files.png import encode_png
 from btfcore.files.surface import ExportSurface
+from btfcore.render.backdrop import BOTTOM, TOP
 from btfcore.render.camera import ANGLE, Turntable
 from btfcore.render.surfels import Placement, placement
 from btfcore.types import F8, Sample
 
-TOP, BOTTOM = (0.95, 0.96, 0.97), (0.70, 0.73, 0.77)  # of the background's gradient
+PLAIN = tuple(0.35 * above + 0.65 * below for above, below in zip(TOP, BOTTOM, strict=True))
 CLAY = (0.80, 0.79, 0.77)
 AMBIENT, DIFFUSE = 0.48, 0.72
 # (position in the camera's frame, intensity): a key light from the upper left, a headlight
@@ -53,14 +54,26 @@ class Scene:
         self._lit = False
         self.place = Placement((0.0, 0.0, 0.0), 1.0)
         self._points: F8 = np.zeros((0, 3))
-        self._smooth = False
+        self._smooth = self._closed = False
         self.camera = Turntable()
-        plotter.set_background(BOTTOM, top=TOP)
+        self.set_backdrop(plain=False)
         plotter.remove_all_lights()
         for position, intensity in LIGHTS:
             light = pv.Light(position=position, light_type="camera light", intensity=intensity)
             plotter.add_light(light)
         plotter.camera.view_angle = ANGLE
+
+    def set_backdrop(self, *, plain: bool) -> None:
+        """Draw a gradient behind the surface, or one colour, which software clears far faster."""
+        if plain:
+            self._plotter.set_background(PLAIN)
+        else:
+            self._plotter.set_background(BOTTOM, top=TOP)
+
+    @property
+    def actor(self) -> Any:
+        """What draws the surface (vtkActor), another one after every `show`; None without one."""
+        return self._actor
 
     def show(self, surface: ExportSurface | None) -> None:
         """Draw `surface` in plain clay until a texture comes; None clears the scene."""
@@ -74,6 +87,7 @@ class Scene:
             return
         self.place = placement(surface.positions)
         self._points = self.place.to_scene(surface.positions)
+        self._closed = surface.closed
         points: Any = self._points.astype(np.float32)
         faces: Any = surface.faces
         mesh = pv.PolyData.from_regular_faces(points, faces)
@@ -166,6 +180,9 @@ class Scene:
         camera.up = tuple(self.camera.axes()[1])
         camera.view_angle = ANGLE
         away = float(np.linalg.norm(self.camera.position))
+        if self._actor is not None:
+            # from outside the backs of a closed surface are behind its front
+            self._actor.prop.culling = "back" if self._closed and away > 1.0 else "none"
         camera.clipping_range = (max(away - 1.2, 0.004), away + 1.2)
 
     def eye(self) -> F8:

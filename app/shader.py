@@ -10,11 +10,15 @@ them again by itself when the surface is drawn in another or a new OpenGL contex
 
 from __future__ import annotations
 
+import ctypes
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from vtkmodules.util.misc import calldata_type
 from vtkmodules.util.numpy_support import numpy_to_vtk
+from vtkmodules.util.vtkConstants import VTK_STRING
+from vtkmodules.vtkCommonCore import vtkOutputWindow
 from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkRenderingCore import vtkTexture
 from vtkmodules.vtkRenderingOpenGL2 import vtkTextureObject
@@ -38,6 +42,9 @@ from btfcore.render.tonemap import WHITE
 from btfcore.types import F8
 
 U1 = NDArray[np.uint8]
+
+_OUT_OF_MEMORY = 0x0505  # of glGetError
+_ERROR: Any = "ErrorEvent"  # which VTK's own stubs want as a number
 
 # VTK's own line stays where it declares something, as its text is put there afterwards
 _HEAD, _BODY = "//VTK::TCoord::Dec", "//VTK::TCoord::Impl"
@@ -64,8 +71,8 @@ class Shader:
         self._actor = actor
         self._maps: PackedMaps | None = None
         self._lighting = True
-        self._code: tuple[PackedSamples, bool, str] | None = None
-        self._smooth, self._sky = False, -1
+        self._code: tuple[PackedSamples, str] | None = None
+        self._smooth, self._sky, self._shadowed = False, -1, False
         self._shown = False
 
     @property
@@ -97,11 +104,10 @@ class Shader:
         lists = (samples.weights, samples.table, samples.nodes)
         for name, each in zip(SAMPLERS[3:], lists, strict=True):
             self._set_texture(name, each.image)
-        if shadows is not None:
-            self.set_shadows(shadows)
-        self._code = (samples, shadows is not None, colour)
-        self._write(smooth, -1)
-        self._shown = True
+        self._code = (samples, colour)
+        self._shown, self._shadowed, self._smooth, self._sky = True, False, smooth, -1
+        self._write()
+        self.set_shadows(shadows)
         self.set_lights(NONE)
         self.set_eye(np.array([0.0, 0.0, 1.0, 0.0]))
         self.set_tone()
@@ -122,7 +128,8 @@ class Shader:
         uniforms = self._uniforms()
         degree = sky_degree(self._code[0], lights)
         if degree != self._sky:
-            self._write(self._smooth, degree)
+            self._sky = degree
+            self._write()
         if degree >= 0 and lights.harmonics is not None:
             sky = sky_values(lights.harmonics, degree)
             uniforms.SetUniformMatrix4x4v("patinaSky", MOST_POINTS // 4, sky)
@@ -144,12 +151,21 @@ class Shader:
         Another program, which VTK compiles once and keeps.
         """
         if self._shown and smooth != self._smooth:
-            self._write(smooth, self._sky)
+            self._smooth = smooth
+            self._write()
 
-    def set_shadows(self, shadows: tuple[U1, U1]) -> None:
-        """Upload other shadows, such as after a light moved; needs `show` with shadows."""
-        for name, image in zip(SHADOWS, shadows, strict=True):
+    def set_shadows(self, shadows: tuple[U1, U1] | None) -> None:
+        """Upload other shadows, such as after a light moved; None: lights cast none.
+
+        The first and the last ones come with another program, as in `set_smooth`.
+        """
+        if not self._shown:
+            return
+        for name, image in zip(SHADOWS, shadows or (), strict=shadows is not None):
             self._set_texture(name, image)
+        if self._shadowed is not (shadows is not None):
+            self._shadowed = shadows is not None
+            self._write()
 
     def remove(self) -> None:
         """Let VTK draw the actor in its own way again; frees the textures."""
@@ -166,12 +182,12 @@ class Shader:
         self._maps = self._code = None
         self._shown = False
 
-    def _write(self, smooth: bool, sky: int) -> None:
+    def _write(self) -> None:
         """Put the program into VTK's own."""
         assert self._code is not None and self._maps is not None
-        samples, shadows, colour = self._code
+        samples, colour = self._code
         size = len(self._maps.quilt)
-        text = program(samples, size, shadows=shadows, smooth=smooth, sky=sky)
+        text = program(samples, size, shadows=self._shadowed, smooth=self._smooth, sky=self._sky)
         code = self._actor.GetShaderProperty()
         code.ClearAllShaderReplacements()
         for add, tag, lines in (
@@ -181,13 +197,45 @@ class Shader:
             (code.AddVertexShaderReplacement, _BODY, f"{_BODY}\n{_VERTEX}"),
         ):
             add(tag, True, lines, False)
-        self._smooth, self._sky = smooth, sky
 
     def _set_texture(self, name: str, image: NDArray[Any]) -> None:
         self._actor.GetProperty().SetTexture(name, _texture(image))
 
     def _uniforms(self) -> Any:
         return self._actor.GetShaderProperty().GetFragmentCustomUniforms()
+
+
+class Watch:
+    """Hears what VTK finds wrong while it draws: programs that do not compile, lost textures."""
+
+    def __init__(self, window: Any) -> None:
+        """Listen to a vtkRenderWindow and all of VTK until `end`."""
+        self.errors: list[str] = []
+
+        @calldata_type(VTK_STRING)
+        def hear(_caller: Any, _event: str, text: str | None = None) -> None:
+            self.errors.append(str(text or "an error without a text"))
+
+        sources = [vtkOutputWindow.GetInstance()]
+        if hasattr(window, "GetShaderCache"):
+            sources.append(window.GetShaderCache())
+        self._heard = [(each, each.AddObserver(_ERROR, hear)) for each in sources if each]
+
+    def end(self) -> None:
+        """Listen no longer."""
+        for source, tag in self._heard:
+            source.RemoveObserver(tag)
+        self._heard = []
+
+
+def exhausted(context: Any) -> bool:
+    """Whether a current QOpenGLContext has run out of memory since it was last asked."""
+    place = int(context.getProcAddress(b"glGetError") or 0)
+    if not place:
+        return False
+    get_error = ctypes.CFUNCTYPE(ctypes.c_uint)(place)
+    found = {get_error() for _ in range(8)}  # several kinds may be pending, one is told at a time
+    return _OUT_OF_MEMORY in found
 
 
 def machine_of(window: Any) -> Machine:

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 from PyQt6.QtCore import QObject, QRunnable, QThreadPool, QTimer, pyqtSignal
 
+from app.reports import Problem, problem_of
 from btfcore.errors import Cancelled, PatinaError
 from btfcore.progress import Progress
 
@@ -36,7 +37,9 @@ class Tasks(QObject):
 
     progressed(fraction, label, seconds left or -1) ; reported(name, value): partial results ;
     held(True) when a job is paused and held(False) when it goes on ; then exactly one of
-    finished(value), failed(text), cancelled() ; and idle() after it.
+    finished(value), failed(text), cancelled() ; and idle() after it. Where a job failed by a
+    defect of ours, broke(problem), with all that is worth reporting, comes right before
+    failed(text).
     """
 
     started = pyqtSignal(str)
@@ -45,6 +48,7 @@ class Tasks(QObject):
     held = pyqtSignal(bool)
     finished = pyqtSignal(str, object)
     failed = pyqtSignal(str, str)
+    broke = pyqtSignal(str, object)
     cancelled = pyqtSignal(str)
     idle = pyqtSignal()
 
@@ -138,6 +142,9 @@ class Tasks(QObject):
         if outcome == "finished":
             self.finished.emit(worker.name, value)
         elif outcome == "failed":
+            if isinstance(value, Problem):
+                self.broke.emit(worker.name, value)
+                value = value.sentence
             self.failed.emit(worker.name, str(value))
         else:
             self.cancelled.emit(worker.name)
@@ -179,8 +186,8 @@ class _Worker(QRunnable):
             self._end("failed", str(error))
         except MemoryError:
             self._end("failed", "there is not enough memory for this")
-        except Exception as error:  # a defect of ours must not take the window down
-            self._end("failed", f"internal error: {type(error).__name__}: {error}")
+        except BaseException as error:  # a defect must not take the window down; nor sys.exit()
+            self._end("failed", problem_of(error, self.name))
         else:
             self._end("finished", value)
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
-import numpy as np
-from PyQt6.QtCore import QEvent, QObject, QPointF, Qt, QTimer
+from PyQt6.QtCore import QEvent, QObject, Qt, QTimer, pyqtSignal
 from PyQt6.QtGui import QImage, QKeyEvent, QMouseEvent, QNativeGestureEvent, QWheelEvent
 from PyQt6.QtWidgets import QVBoxLayout, QWidget
 from pyvistaqt import QtInteractor
@@ -15,35 +13,45 @@ from vtkmodules.vtkInteractionStyle import vtkInteractorStyleUser
 
 from app.document import Document, Mode
 from app.lit import Lit
+from app.navigation import Device, Verb, device_of, gesture_verb, wheel_way
+from app.picking import View
 from app.scene import FRONT, Scene
-from btfcore.types import F8
+from app.steering import CameraDrag, LightDrag, Steering
+from btfcore.render.camera import Turntable
 
-DEGREES_PER_PIXEL = 0.4
-ZOOM_PER_NOTCH = 1.15
 REST_MS = 250
 LIT_REST_MS = 80  # of stillness after which light is refined
-LIGHT_REACH = 0.9  # of the way to the nearer border: a light there shines from the side
-FIRST_LIGHT = np.array([-0.45, 0.5, 0.74])  # in the camera's frame
-MOST_TURN = 2.9  # radians from the camera's axis, nearly from behind
+
+
+@dataclass(frozen=True)
+class _Point:
+    """A mouse's event, as far as steering reads it."""
+
+    pixel: tuple[float, float]
+    button: Qt.MouseButton
+    modifiers: Qt.KeyboardModifier
+    kind: str = "mouse"
 
 
 class Viewport(QWidget):
-    """Shows a document's surface; left drag turns, middle or space drag shifts, wheel zooms.
+    """Shows a document's surface, and moves the camera by what no tool takes.
 
-    Under light, Ctrl and left drag, or left drag while L is held or `light_drag` is set, moves
-    the main lamp: it shines from where the pointer lies on a ball around the surface. The
-    interactor is held as a member and sees no key: VTK would bind w, s, p, e, q and r.
+    `steering` says which drags are the camera's. Under light, Ctrl and left drag, or left drag
+    while L is held or `set_light_drag` is on, moves the main lamp. The interactor is held as a
+    member and sees no key: VTK would bind w, s, p, e, q and r. moved() : another frame is asked
+    for, perhaps from another side.
     """
+
+    moved = pyqtSignal()
 
     def __init__(self, document: Document, parent: QWidget | None = None) -> None:
         """Draw `document` from now on."""
         super().__init__(parent)
         self._document = document
-        self._grip: QPointF | None = None
-        self._space = self._lively = self._light_key = self._light_grip = False
+        self._hand: CameraDrag | LightDrag | None = None  # who has the drag
+        self._button = Qt.MouseButton.NoButton  # that began it
+        self._lively = False
         self._resting = False  # light is being refined, or was
-        self.light_drag = False
-        self._aimed = False  # the main lamp was given a direction
         self._framed = True  # the user has not moved the camera since it was framed
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
@@ -61,7 +69,10 @@ class Viewport(QWidget):
         layout.addWidget(self._plotter)
         self.scene = Scene(self._plotter)
         self.scene.camera = FRONT
-        self.lit = Lit(document, self.scene, self._plotter.update, self)
+        self.steering = Steering(document, lambda: self.scene.camera, self.place, self._size)
+        self.lit = Lit(
+            document, self.scene, self._plotter.update, self, window=self._plotter.render_window
+        )
         self.lit.rested.connect(self._lit_rested)
         self._plotter.frameSwapped.connect(self._painted)
         self._known = False  # what draws here
@@ -69,6 +80,24 @@ class Viewport(QWidget):
         document.mesh_changed.connect(self._new_mesh)
         document.picture_changed.connect(self._new_picture)
         self._shown: object = None
+
+    @property
+    def surface(self) -> QWidget:
+        """The widget that is drawn on and gets the pointer's events."""
+        return cast(QWidget, self._plotter)
+
+    def view(self) -> View:
+        """Camera and size in logical pixels."""
+        return View(self.scene.camera, self._size())
+
+    def place(self, camera: Turntable) -> None:
+        """Look through another camera."""
+        self._framed = False
+        self.scene.camera = camera
+        self.redraw()
+
+    def _size(self) -> tuple[int, int]:
+        return self._plotter.width(), self._plotter.height()
 
     def frame(self) -> None:
         """Bring the whole surface into view."""
@@ -90,6 +119,7 @@ class Viewport(QWidget):
             self.scene.filter_reduced(False)
         self._resting = False
         self._plotter.update()
+        self.moved.emit()
         if self.lit.active:
             self._rest.start(LIT_REST_MS)
         elif not self._lively:
@@ -97,7 +127,7 @@ class Viewport(QWidget):
 
     def set_light_drag(self, wanted: bool) -> None:
         """Let plain left drags move the main lamp, while light is shown."""
-        self.light_drag = wanted
+        self.steering.light_drag = wanted
 
     def set_lively(self, lively: bool) -> None:
         """While frames come by themselves none is worth the time for smooth edges."""
@@ -119,10 +149,11 @@ class Viewport(QWidget):
         self._plotter.update()
 
     def _painted(self) -> None:
-        self.lit.painted()
+        if not self._known or self.lit.uploaded:
+            self._plotter.makeCurrent()
+        self.lit.painted(self._plotter.context())
         if not self._known:
             self._known = True
-            self._plotter.makeCurrent()
             self.lit.find_backend(self._plotter.render_window)
 
     def _lit_rested(self) -> None:
@@ -138,7 +169,11 @@ class Viewport(QWidget):
         else:
             self.scene.filter_reduced(True)
         self.scene.smooth_edges(True)
-        return cast(QImage, self._plotter.grabFramebuffer())
+        drawn = self._plotter.grabFramebuffer()
+        if self.lit.broken():  # then the processor takes over
+            self.lit.settle()
+            drawn = self._plotter.grabFramebuffer()
+        return cast(QImage, drawn)
 
     def close_view(self) -> None:
         """Let go of the graphics card; the view draws nothing afterwards."""
@@ -158,93 +193,77 @@ class Viewport(QWidget):
         if kind in (QEvent.Type.KeyPress, QEvent.Type.KeyRelease):
             return self._key(cast(QKeyEvent, event))
         if kind in (QEvent.Type.MouseButtonPress, QEvent.Type.MouseButtonDblClick):
-            self._take_grip(cast(QMouseEvent, event))
-            self._plotter.setFocus(Qt.FocusReason.MouseFocusReason)
+            self._press(cast(QMouseEvent, event))
             return True
         if kind == QEvent.Type.MouseButtonRelease:
-            self._grip, self._light_grip = None, False
+            self._release(cast(QMouseEvent, event))
             return True
         if kind == QEvent.Type.MouseMove:
             self._drag(cast(QMouseEvent, event))
             return True
         if kind == QEvent.Type.Wheel:
-            notches = cast(QWheelEvent, event).angleDelta().y() / 120
-            self._zoom(ZOOM_PER_NOTCH**notches)
+            self._roll(cast(QWheelEvent, event))
             return True
         if kind == QEvent.Type.NativeGesture:
-            gesture = cast(QNativeGestureEvent, event)
-            if gesture.gestureType() == Qt.NativeGestureType.ZoomNativeGesture:
-                self._zoom(1 + gesture.value())
+            self._gesture(cast(QNativeGestureEvent, event))
             return True
         if kind == QEvent.Type.FocusOut:
-            self._space = self._light_key = False
+            self.steering.held.clear()
         if kind == QEvent.Type.Resize and self._framed:
             self.frame()
         return False
 
     def _key(self, event: QKeyEvent) -> bool:
-        if event.key() == Qt.Key.Key_Space and not event.isAutoRepeat():
-            self._space = event.type() == QEvent.Type.KeyPress
-        if event.key() == Qt.Key.Key_L and not event.isAutoRepeat():
-            self._light_key = event.type() == QEvent.Type.KeyPress
+        if not event.isAutoRepeat():
+            self.steering.press_key(event.key(), event.type() == QEvent.Type.KeyPress)
         event.ignore()  # shortcuts and the window may still want it; VTK never gets it
         return True
 
-    def _take_grip(self, event: QMouseEvent) -> None:
+    def _press(self, event: QMouseEvent) -> None:
         """Begin a drag: of the view, or of the main lamp."""
-        self._grip = event.position()
-        control = bool(event.modifiers() & Qt.KeyboardModifier.ControlModifier)
-        wanted = control or self._light_key or self.light_drag
-        left = event.button() == Qt.MouseButton.LeftButton
-        shift = bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier)
-        self._light_grip = wanted and left and not shift and self._document.mode is Mode.LIT
-        if self._light_grip:
-            self._drag_light(event.position())
-
-    def _drag_light(self, place: QPointF) -> None:
-        """Let the main lamp shine from where the pointer lies on a ball around the surface."""
-        width, height = self._plotter.width(), self._plotter.height()
-        radius = max(min(width, height) / 2 * LIGHT_REACH, 1.0)
-        x, y = (place.x() - width / 2) / radius, (height / 2 - place.y()) / radius
-        away = math.hypot(x, y)
-        angle = min(away * math.pi / 2, MOST_TURN)
-        across = math.sin(angle) / max(away, 1e-9)
-        self._aim(np.array([x * across, y * across, math.cos(angle)]))
-
-    def _aim(self, local: F8) -> None:
-        """Let the main lamp shine from a direction (3,) in the camera's frame."""
-        self._aimed = True
-        towards = local @ self.scene.camera.axes()
-        towards /= np.linalg.norm(towards)
-        self._document.move_light((float(towards[0]), float(towards[1]), float(towards[2])))
+        self._plotter.setFocus(Qt.FocusReason.MouseFocusReason)
+        if event.button() == self._button or not event.buttons() & self._button:
+            self._hand = None  # its release went elsewhere
+        if self._hand is None:
+            point = _point(event)
+            self._hand = self.steering.hand(point, tool=False)
+            if self._hand is not None:
+                self._button = point.button
+                self._hand.press(point)
 
     def _drag(self, event: QMouseEvent) -> None:
-        if self._grip is None:
-            return
-        if self._light_grip:
-            self._drag_light(event.position())
-            return
-        moved = event.position() - self._grip
-        self._grip = event.position()
-        self._framed = False
-        middle = bool(event.buttons() & Qt.MouseButton.MiddleButton)
-        shift = bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier)
-        if event.buttons() & Qt.MouseButton.RightButton:
-            self._zoom(1.01 ** -moved.y())
-        elif middle or shift or self._space:
-            height = max(self._plotter.height(), 1)
-            self.scene.camera = self.scene.camera.panned(moved.x() / height, -moved.y() / height)
-            self.redraw()
-        else:
-            self.scene.camera = self.scene.camera.orbited(
-                moved.x() * DEGREES_PER_PIXEL, -moved.y() * DEGREES_PER_PIXEL
-            )
-            self.redraw()
+        if not event.buttons() & self._button:
+            self._hand = None
+        if self._hand is not None:
+            self._hand.drag(_point(event))
 
-    def _zoom(self, factor: float) -> None:
-        self._framed = False
-        self.scene.camera = self.scene.camera.zoomed(factor)
-        self.redraw()
+    def _release(self, event: QMouseEvent) -> None:
+        if self._hand is not None and (
+            event.button() == self._button or not event.buttons() & self._button
+        ):
+            self._hand.release(_point(event))
+            self._hand = None
+
+    def _roll(self, event: QWheelEvent) -> None:
+        angle, pixels = event.angleDelta(), event.pixelDelta()
+        way = (angle.x(), angle.y()), (pixels.x(), pixels.y())
+        device = event.pointingDevice()
+        self.steering.roll(
+            (event.position().x(), event.position().y()),
+            wheel_way(*way, event.modifiers()),
+            event.modifiers(),
+            device_of(device.type()) if device is not None else Device.MOUSE,
+        )
+
+    def _gesture(self, event: QNativeGestureEvent) -> None:
+        pixel = event.position().x(), event.position().y()
+        verb = gesture_verb(event.gestureType())
+        if verb is Verb.ZOOM:
+            self.steering.pinch(pixel, event.value())
+        elif verb is Verb.PAN:
+            self.steering.drag(verb, (event.delta().x(), event.delta().y()), pixel)
+        elif verb is Verb.FRAME_SELECTED:
+            self.frame()
 
     def _new_light(self) -> None:
         if self._document.mode is Mode.LIT:
@@ -257,15 +276,21 @@ class Viewport(QWidget):
         self.frame()
 
     def _new_picture(self) -> None:
-        if self._document.mode is Mode.LIT and not self._aimed:
-            self._aim(FIRST_LIGHT)  # from where it is seen now, at first
+        if self._document.mode is Mode.LIT and not self.steering.aimed:
+            self.steering.aim()  # from where it is seen now, at first
         surface = self._document.surface
         if surface is not self._shown:
             self._shown = surface
             self.scene.show(surface)
+        self.lit.follow()
         if not self.lit.active:  # else the frame's own evaluation puts it there
             self.scene.set_texture(self._document.texture)
         canvas = self._document.canvas
         show = self._document.mode is Mode.FIELD and canvas is not None
         self.scene.set_markers(canvas.prepared.field.singularities if show and canvas else None)
         self.redraw()
+
+
+def _point(event: QMouseEvent) -> _Point:
+    place = event.position()
+    return _Point((place.x(), place.y()), event.button(), event.modifiers())

@@ -27,6 +27,7 @@ from btfcore.phases import PhaseClock
 from btfcore.pipeline import export, load_mesh, prepare, synthesizer
 from btfcore.progress import Progress, between, silent
 from btfcore.quilt.parameters import QuiltParameters
+from btfcore.quilt.synthesize import Synthesizer
 from btfcore.regions import Plan, RegionSamples, plan_samples
 from btfcore.samples import load_paint_sample
 from btfcore.types import Prepared, Quilt, Sample
@@ -109,7 +110,32 @@ def new_document(
             progress=between(progress, 0.45, 0.5),
         )  # fmt: skip
         made.run(progress=between(progress, 0.5, 1.0))
-    samples, told = common_channels(found)
+    return painting_over(prepared, sources, found, made, plan=plan, notes=notes)
+
+
+def load_background(
+    source: Source, *, progress: Progress = silent
+) -> tuple[BtfSample, Sample, list[str]]:
+    """Read a sample to synthesise a background from: all of it, what is quilted, and notes.
+
+    A BTF comes with its factors. Raises as `btfcore.samples.load_paint_sample` does.
+    """
+    notes: list[str] = []
+    (found,) = _with_factors([_loaded(source, notes, progress)], progress)
+    return found, quilting_sample(found), notes
+
+
+def painting_over(
+    prepared: Prepared,
+    sources: Sequence[Source],
+    found: Sequence[BtfSample],
+    made: Synthesizer,
+    *,
+    plan: Plan | None = None,
+    notes: Sequence[str] = (),
+) -> Painting:
+    """A painting without edits over what a synthesis made of the samples `found` in `sources`."""
+    samples, told = common_channels(list(found))
     scales = [1.0] * len(found) if plan is None else list(plan.scales)
     engine = Engine.over(prepared, samples, made, scales=scales)
     materials = tuple(
@@ -311,7 +337,8 @@ def at_rate(
 
 
 def _loaded(source: Source, notes: list[str], progress: Progress) -> BtfSample:
-    found, told = load_paint_sample(source.file, source.mask, flat=source.flat, progress=progress)
+    mask = source.mask if source.drawn is None else source.drawn
+    found, told = load_paint_sample(source.file, mask, flat=source.flat, progress=progress)
     notes += [f"{source.file.name}: {note}" for note in told]
     return found
 

@@ -19,7 +19,7 @@ from btfcore.btf.weights import Weights
 from btfcore.errors import InvalidBtf
 from btfcore.files.samples import DEFAULT_LAYOUT, open_sample, read_pbr_sized
 from btfcore.progress import Progress, between, silent
-from btfcore.types import F8, Sample
+from btfcore.types import F4, F8, Sample
 
 
 def description(sample: BtfSample) -> dict[str, Any]:
@@ -286,7 +286,7 @@ def load_material(
 
 def load_paint_sample(
     path: str | Path,
-    mask: str | Path | None = None,
+    mask: str | Path | F4 | None = None,
     *,
     flat: bool = False,
     layout: str | Path = DEFAULT_LAYOUT,
@@ -295,10 +295,11 @@ def load_paint_sample(
 ) -> tuple[BtfSample, tuple[str, ...]]:
     """Open a sample of any kind for painting, its feature's mask prepared, and notes.
 
-    mask : an image file (grey, colours or with alpha; above ½ is feature) of the sample's size;
-    None takes the mask that the sample came with, if any. It is made ready as
-    `btfcore.btf.feature.prepared` says. flat : take slow gradients of the lighting out of an
-    ordinary picture (`flat_fielded`). layout, size : see `btfcore.files.samples.open_sample`.
+    mask : an image file (grey, colours or with alpha; above ½ is feature) of the sample's size,
+    or the mask itself, (H, W) f4; None takes the one that the sample came with, if any. It is
+    made ready as `btfcore.btf.feature.prepared` says. flat : take slow gradients of the lighting
+    out of an ordinary picture (`flat_fielded`). layout, size : see
+    `btfcore.files.samples.open_sample`.
 
     Raises as `open_sample` does, and `InvalidImage` for a mask that cannot be read, has another
     size than the sample (both are named), or is empty or full (with its share).
@@ -306,7 +307,9 @@ def load_paint_sample(
     sample = open_sample(path, layout=layout, size=size, progress=between(progress, 0.0, 0.8))
     notes = list(sample.notes)
     drawn, name = sample.mask, sample.name
-    if mask is not None:
+    if isinstance(mask, np.ndarray):
+        drawn = mask
+    elif mask is not None:
         name = Path(mask).name
         drawn = read_mask(mask, progress=between(progress, 0.8, 1.0))
     if drawn is not None:

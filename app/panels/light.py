@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from PyQt6.QtCore import QSignalBlocker, Qt, pyqtSignal
-from PyQt6.QtGui import QColor
+from PyQt6.QtGui import QColor, QResizeEvent
 from PyQt6.QtWidgets import (
     QCheckBox,
     QColorDialog,
@@ -15,6 +15,7 @@ from PyQt6.QtWidgets import (
     QHBoxLayout,
     QLabel,
     QPushButton,
+    QSizePolicy,
     QSlider,
     QVBoxLayout,
     QWidget,
@@ -105,7 +106,9 @@ class LightPanel(QWidget):
             lambda index: document.set_lighting(curve=self.curve.itemData(index))
         )
         self.readout = named(QLabel(), "faint")
-        self._backend = ""
+        self.readout.setMinimumWidth(200)
+        self.readout.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        self._reading = self._backend = ""
         self._arrange()
         for changed in (document.lighting_changed, document.mode_changed):
             changed.connect(self._refresh)
@@ -143,14 +146,29 @@ class LightPanel(QWidget):
             text = self.tr("Moving: {0}, error {1:.3f}").format(words[quality.mode], quality.error)
         else:
             text = self.tr("Refining: {0:.0%}").format(quality.done)
-        if self._backend:
-            text = self.tr("{0} · {1}").format(text, self._backend)
-        self.readout.setText(text)
+        self._reading = text
+        self._elide()
 
     def tell_backend(self, kind: str, reason: str) -> None:
-        """Say what computes the light, and why."""
-        self._backend = self.tr("graphics card") if kind == "shader" else self.tr("software")
-        self.readout.setToolTip(reason)
+        """Say what computes the light: the shader on `reason`, or the processor because of it."""
+        words = self.tr("shader on {0}") if kind == "shader" else self.tr("processor: {0}")
+        self._backend = words.format(reason)
+        self.readout.setToolTip(self._backend)
+        self._elide()
+
+    def resizeEvent(self, event: QResizeEvent | None) -> None:  # noqa: N802
+        """Show as much of the reading as there is room for."""
+        super().resizeEvent(event)
+        self._elide()
+
+    def _elide(self) -> None:
+        """Shorten the reading to the label, which never makes the window wider."""
+        parts = [each for each in (self._reading, self._backend) if each]
+        text = " · ".join(parts)
+        room = self.readout.width()
+        fit = self.readout.fontMetrics().elidedText(text, Qt.TextElideMode.ElideRight, room)
+        if fit != self.readout.text():
+            self.readout.setText(fit)
 
     def _refresh(self) -> None:
         lighting = self._document.lighting
@@ -171,7 +189,9 @@ class LightPanel(QWidget):
             widget.setEnabled(lamp is not None)
         if lamp is not None:
             self.strength.setValue(lamp.strength)
-            self.colour.setStyleSheet(f"background: {_coded(lamp.colour).name()};")
+            sheet = f"background: {_coded(lamp.colour).name()};"
+            if sheet != self.colour.styleSheet():  # else every step of a drag paints it anew
+                self.colour.setStyleSheet(sheet)
         self.environment.setText(lighting.source or self.tr("Environment…"))
         self.turn.setVisible(lighting.environment is not None)
         self.bare.setVisible(lighting.environment is not None)

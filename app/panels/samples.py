@@ -1,187 +1,279 @@
-"""The samples on offer, as small pictures of which one is chosen."""
+"""The sample library: backgrounds to cover a mesh with, imperfections to paint."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from PyQt6.QtCore import QModelIndex, QPersistentModelIndex, QRect, QRectF, QSize, Qt, pyqtSignal
-from PyQt6.QtGui import (
-    QColor,
-    QImage,
-    QPainter,
-    QPainterPath,
-    QPen,
-    QPixmap,
-    QStandardItem,
-    QStandardItemModel,
-)
+from PyQt6.QtCore import QEvent, QModelIndex, QObject, QPoint, QSize, Qt, pyqtSignal
+from PyQt6.QtGui import QDragEnterEvent, QDragMoveEvent, QDropEvent, QKeyEvent, QPalette
 from PyQt6.QtWidgets import (
     QAbstractItemView,
     QHBoxLayout,
     QLabel,
+    QLineEdit,
     QListView,
-    QPushButton,
-    QStyle,
-    QStyledItemDelegate,
-    QStyleOptionViewItem,
+    QMenu,
+    QSplitter,
+    QToolButton,
     QVBoxLayout,
     QWidget,
 )
 
-from app.document import U1, Document, SampleEntry
-from app.theme import ACCENT, FAINT, RAISED, TEXT, named
-
-SIDE, CELL = 84, QSize(95, 112)
-PATH, STATE = Qt.ItemDataRole.UserRole + 1, Qt.ItemDataRole.UserRole + 2
-LOADING, READY, BROKEN = range(3)
+from app.document import Document
+from app.panels.glyphs import glyph_icon
+from app.panels.moving_light import MovingLight
+from app.panels.sample_model import BROKEN, PATH, STATE, SampleGroup, SampleModel
+from app.panels.sample_tile import SampleTile
+from app.theme import named
 
 
 class SamplesPanel(QWidget):
-    """Grid of thumbnails; folder_wanted() asks for a folder of samples."""
+    """Two groups of thumbnails, a field to search in, and what can be done with a sample.
+
+    A click on a background chooses what the next synthesis uses, on an imperfection what is
+    painted with. What needs a dialog or the disk is asked for by signals: folder_wanted(),
+    import_wanted(), refresh_wanted(), and dropped(paths), remove_wanted(paths),
+    mark_wanted(path), info_wanted(path), reveal_wanted(path); `app.panels.library` answers.
+    """
 
     folder_wanted = pyqtSignal()
+    import_wanted = pyqtSignal()
+    refresh_wanted = pyqtSignal()
+    dropped = pyqtSignal(object)
+    remove_wanted = pyqtSignal(object)
+    mark_wanted = pyqtSignal(object)
+    info_wanted = pyqtSignal(object)
+    reveal_wanted = pyqtSignal(object)
 
     def __init__(self, document: Document, parent: QWidget | None = None) -> None:
         """Show the samples of `document`."""
         super().__init__(parent)
         self._document = document
-        heading = named(QLabel(self.tr("SAMPLE")), "heading")
-        folder = QPushButton(self.tr("Folder…"))
-        folder.setToolTip(self.tr("Offer the images of a folder as samples"))
-        folder.clicked.connect(self.folder_wanted)
-        self.view = named(QListView(), "samples")
-        self.view.setAccessibleName(self.tr("Samples"))
-        self.view.setViewMode(QListView.ViewMode.IconMode)
-        self.view.setResizeMode(QListView.ResizeMode.Adjust)
-        self.view.setMovement(QListView.Movement.Static)
-        self.view.setUniformItemSizes(True)
-        self.view.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-        self.view.setVerticalScrollMode(QAbstractItemView.ScrollMode.ScrollPerPixel)
-        self.view.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        self.view.setMouseTracking(True)
-        self.view.setItemDelegate(_Tile(self.view))
-        self._model = QStandardItemModel(self)
-        self.view.setModel(self._model)
-        self._items: dict[Path, QStandardItem] = {}
-        self._shown: dict[Path, SampleEntry] = {}
+        self.setAcceptDrops(True)
+        self.light = MovingLight(self)
+        self.model = SampleModel(document, self)
+        self.search = QLineEdit()
+        self.search.setPlaceholderText(self.tr("Search"))
+        self.search.setClearButtonEnabled(True)
+        self.search.setToolTip(self.tr("Show only samples with these words in their name"))
+        self.search.setAccessibleName(self.tr("Search samples"))
         top = QHBoxLayout()
-        top.addWidget(heading)
-        top.addStretch()
-        top.addWidget(folder)
+        top.addWidget(self.search, 1)
+        self.buttons: dict[str, QToolButton] = {}
+        for glyph, name, tip, wanted in (
+            ("plus", self.tr("Import"),
+             self.tr("Bring a PBR set, a BTF or an image into the library"), self.import_wanted),
+            ("list", self.tr("Folder"),
+             self.tr("Show the samples of a folder, now and from now on"), self.folder_wanted),
+            ("fresh", self.tr("Refresh"),
+             self.tr("Look into the folders again"), self.refresh_wanted),
+        ):  # fmt: skip
+            button = QToolButton()
+            button.setAutoRaise(True)
+            button.setIconSize(QSize(18, 18))
+            button.setToolTip(tip)
+            button.setAccessibleName(name)
+            button.clicked.connect(wanted)
+            self.buttons[glyph] = button
+            top.addWidget(button)
+        self.backgrounds = SampleGroup(self.model, features=False, parent=self)
+        self.features = SampleGroup(self.model, features=True, parent=self)
+        self.view, first, self._first = self._group(self.backgrounds, self.tr("Backgrounds"), "")
+        self.feature_view, second, self._second = self._group(
+            self.features, self.tr("Imperfections"),
+            self.tr("Samples whose feature is marked appear here.\n"
+                    "Right-click a sample to mark its feature."),
+        )  # fmt: skip
+        self.parts = QSplitter(Qt.Orientation.Vertical)
+        self.parts.addWidget(first)
+        self.parts.addWidget(second)
+        self.parts.setStretchFactor(0, 3)
+        self.parts.setStretchFactor(1, 2)
+        self.parts.setChildrenCollapsible(False)
         layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setContentsMargins(8, 8, 8, 8)
         layout.addLayout(top)
-        layout.addWidget(self.view)
-        selection = self.view.selectionModel()
-        assert selection is not None
-        selection.currentChanged.connect(self._picked)
-        document.samples_changed.connect(self._refresh)
+        layout.addWidget(self.parts, 1)
+        for group in (self.backgrounds, self.features):
+            self.search.textChanged.connect(group.search)
+            for changed in (group.rowsInserted, group.rowsRemoved, group.modelReset):
+                changed.connect(self._count)
+        self.light.turned.connect(self._draw)
+        document.samples_changed.connect(self._mark)
         document.sample_chosen.connect(self._mark)
-
-    def _refresh(self) -> None:
-        for entry in self._document.samples:
-            if self._shown.get(entry.path) is entry:
-                continue
-            self._shown[entry.path] = entry
-            item = self._items.get(entry.path)
-            if item is None:
-                item = QStandardItem(readable(entry.path))
-                item.setData(str(entry.path), PATH)
-                self._items[entry.path] = item
-                self._model.appendRow(item)
-            self._fill(item, entry)
+        document.options_changed.connect(self._mark)
+        self._paint_icons()
+        self._count()
         self._mark()
 
-    def _fill(self, item: QStandardItem, entry: SampleEntry) -> None:
-        state = BROKEN if entry.error else READY if entry.thumbnail is not None else LOADING
-        item.setData(state, STATE)
-        item.setEnabled(state != BROKEN)
-        tip = entry.error or self.tr("{0}\n{1}").format(readable(entry.path), entry.path)
-        item.setToolTip(tip)
-        item.setData(entry.error or readable(entry.path), Qt.ItemDataRole.AccessibleTextRole)
-        if entry.thumbnail is not None:
-            item.setData(pixmap(entry.thumbnail), Qt.ItemDataRole.DecorationRole)
+    def _group(
+        self, group: SampleGroup, title: str, hint: str
+    ) -> tuple[QListView, QWidget, tuple[QLabel, str, QLabel]]:
+        heading, empty = named(QLabel(), "heading"), named(QLabel(hint), "hint")
+        empty.setWordWrap(True)
+        view = named(SampleGrid(), "samples")
+        view.setAccessibleName(title)
+        view.setViewMode(QListView.ViewMode.IconMode)
+        view.setResizeMode(QListView.ResizeMode.Adjust)
+        view.setMovement(QListView.Movement.Static)
+        view.setUniformItemSizes(True)
+        view.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+        view.setVerticalScrollMode(QAbstractItemView.ScrollMode.ScrollPerPixel)
+        view.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        view.setMouseTracking(True)
+        view.setMinimumHeight(128)
+        view.setItemDelegate(SampleTile(self.light, view))
+        view.setModel(group)
+        view.setContextMenuPolicy(Qt.ContextMenuPolicy.CustomContextMenu)
+        view.customContextMenuRequested.connect(lambda place: self._menu(view, place))
+        view.entered.connect(lambda index: self.light.hover(Path(index.data(PATH))))
+        view.viewportEntered.connect(lambda: self.light.hover(None))
+        port = view.viewport()
+        assert port is not None
+        port.installEventFilter(self)
+        view.picked.connect(lambda index: self._picked(view, index))
+        part = QWidget()
+        column = QVBoxLayout(part)
+        column.setContentsMargins(0, 4, 0, 0)
+        for widget in (heading, empty):
+            column.addWidget(widget)
+        column.addWidget(view, 1)
+        return view, part, (heading, title, empty)
 
-    def _picked(self, index: QModelIndex) -> None:
-        if index.isValid():
-            self._document.choose_sample(Path(index.data(PATH)))
+    # --- what is chosen
+
+    def _picked(self, view: QListView, index: QModelIndex) -> None:
+        if not index.isValid() or index.data(STATE) == BROKEN:
+            return
+        path = Path(index.data(PATH))
+        if view is self.view:
+            self._document.choose_sample(path)
+        else:
+            self._document.set_options(sample=path)
 
     def _mark(self) -> None:
-        path = self._document.sample_path
-        item = self._items.get(path) if path is not None else None
-        if item is None:
-            self.view.clearSelection()
-        elif self.view.currentIndex() != item.index():
-            self.view.setCurrentIndex(item.index())
+        sample = self._document.options.sample
+        feature = sample if isinstance(sample, Path) else None
+        for view, group, path in (
+            (self.view, self.backgrounds, self._document.sample_path),
+            (self.feature_view, self.features, feature),
+        ):
+            row = group.row_of(path)
+            present = view.currentIndex()
+            if row >= 0 and present.row() != row:
+                view.setCurrentIndex(group.index(row, 0))
+            elif row < 0 and present.isValid() and present.data(STATE) != BROKEN:
+                view.clearSelection()
+
+    def _count(self) -> None:
+        for group, (heading, title, empty) in (
+            (self.backgrounds, self._first), (self.features, self._second)
+        ):  # fmt: skip
+            count = group.rowCount()
+            heading.setText(self.tr("{0} · {1}").format(title.upper(), count))
+            empty.setVisible(not count and bool(empty.text()) and not self.search.text())
+
+    # --- the pointer
+
+    def _draw(self, path: Path) -> None:
+        for view, group in ((self.view, self.backgrounds), (self.feature_view, self.features)):
+            row = group.row_of(path)
+            if row >= 0:
+                view.update(group.index(row, 0))
+
+    def eventFilter(self, watched: QObject | None, event: QEvent | None) -> bool:  # noqa: N802
+        """Stop the light when the pointer leaves."""
+        if event is not None and event.type() == QEvent.Type.Leave:
+            self.light.hover(None)
+        return super().eventFilter(watched, event)
+
+    def hideEvent(self, event: object) -> None:  # noqa: N802
+        """Stop the light when the panel is hidden."""
+        self.light.hover(None)
+
+    def _menu(self, view: QListView, place: QPoint) -> None:
+        index, port = view.indexAt(place), view.viewport()
+        if index.isValid() and port is not None:
+            menu = self.context_menu(Path(index.data(PATH)))
+            menu.exec(port.mapToGlobal(place))
+            menu.deleteLater()
+
+    def context_menu(self, path: Path) -> QMenu:
+        """What can be done with a sample."""
+        entry = next((each for each in self._document.samples if each.path == path), None)
+        usable = entry is not None and not entry.error
+        document, menu = self._document, QMenu(self)
+        for text, act, needs in (
+            (self.tr("Use as background"), lambda: document.choose_sample(path), True),
+            (self.tr("Paint with it"), lambda: document.set_options(sample=path), True),
+            (self.tr("Mark feature…"), lambda: self.mark_wanted.emit(path), True),
+            (self.tr("Forget the mask that was drawn"),
+             lambda: document.set_mask(path, None), path in document.masks),
+            (None, None, False),
+            (self.tr("Information…"), lambda: self.info_wanted.emit(path), False),
+            (self.tr("Show in folder"), lambda: self.reveal_wanted.emit(path), False),
+            (self.tr("Remove from the library"), lambda: self.remove_wanted.emit([path]), False),
+        ):  # fmt: skip
+            if text is None or act is None:
+                menu.addSeparator()
+                continue
+            action = menu.addAction(text, act)
+            if action is not None:
+                action.setEnabled(usable if needs else True)
+                if text == self.tr("Forget the mask that was drawn"):
+                    action.setVisible(path in document.masks)
+        return menu
+
+    # --- files dropped from elsewhere
+
+    def dragEnterEvent(self, event: QDragEnterEvent | None) -> None:  # noqa: N802
+        """Take files and folders."""
+        if event is not None and _files(event):
+            event.acceptProposedAction()
+
+    def dragMoveEvent(self, event: QDragMoveEvent | None) -> None:  # noqa: N802
+        """Take them wherever they are."""
+        if event is not None and _files(event):
+            event.acceptProposedAction()
+
+    def dropEvent(self, event: QDropEvent | None) -> None:  # noqa: N802
+        """Hand them on."""
+        if event is not None and _files(event):
+            event.acceptProposedAction()
+            self.dropped.emit(_files(event))
+
+    def changeEvent(self, event: QEvent | None) -> None:  # noqa: N802
+        """Draw the icons anew in another theme."""
+        super().changeEvent(event)
+        if event is not None and event.type() == QEvent.Type.PaletteChange:
+            self._paint_icons()
+
+    def _paint_icons(self) -> None:
+        ink = self.palette().color(QPalette.ColorRole.ButtonText)
+        for glyph, button in getattr(self, "buttons", {}).items():
+            button.setIcon(glyph_icon(glyph, ink))
 
 
-class _Tile(QStyledItemDelegate):
-    """Draws a rounded square of the sample and its name below."""
+class SampleGrid(QListView):
+    """Tells what the user picks, by mouse or keys; rows that come and go pick nothing."""
 
-    def sizeHint(  # noqa: N802
-        self, option: QStyleOptionViewItem, index: QModelIndex | QPersistentModelIndex
-    ) -> QSize:
-        """Every tile is as large as the others."""
-        return CELL
+    picked = pyqtSignal(QModelIndex)
 
-    def paint(
-        self,
-        painter: QPainter | None,
-        option: QStyleOptionViewItem,
-        index: QModelIndex | QPersistentModelIndex,
-    ) -> None:
-        """Draw one tile."""
-        if painter is None:
-            return
-        painter.save()
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
-        left = option.rect.left() + (option.rect.width() - SIDE) // 2
-        square = QRect(left, option.rect.top() + 5, SIDE, SIDE)
-        shape = QPainterPath()
-        shape.addRoundedRect(QRectF(square), 6, 6)
-        picture = index.data(Qt.ItemDataRole.DecorationRole)
-        state = index.data(STATE)
-        if isinstance(picture, QPixmap):
-            painter.setClipPath(shape)
-            painter.drawPixmap(square, picture, _square_of(picture))
-            painter.setClipping(False)
-        else:
-            painter.fillPath(shape, QColor(RAISED))
-            painter.setPen(QColor(FAINT))
-            mark = "✕" if state == BROKEN else "…"
-            painter.drawText(square, Qt.AlignmentFlag.AlignCenter, mark)
-        chosen = bool(option.state & QStyle.StateFlag.State_Selected)
-        if chosen or option.state & QStyle.StateFlag.State_MouseOver:
-            painter.setPen(QPen(QColor(ACCENT if chosen else FAINT), 3 if chosen else 1.5))
-            painter.drawPath(shape)
-        painter.setPen(QColor(ACCENT if chosen else TEXT if state != BROKEN else FAINT))
-        font = painter.font()
-        font.setPixelSize(11)
-        painter.setFont(font)
-        below = QRect(option.rect.left() + 3, square.bottom() + 3, CELL.width() - 6, 18)
-        text = painter.fontMetrics().elidedText(
-            index.data(), Qt.TextElideMode.ElideRight, below.width()
-        )
-        painter.drawText(below, Qt.AlignmentFlag.AlignHCenter | Qt.AlignmentFlag.AlignVCenter, text)
-        painter.restore()
+    def __init__(self, parent: QWidget | None = None) -> None:
+        """Show nothing yet."""
+        super().__init__(parent)
+        self.clicked.connect(self.picked)
+
+    def keyPressEvent(self, event: QKeyEvent | None) -> None:  # noqa: N802
+        """Pick what the arrows go to, and again what Enter is pressed on."""
+        before = self.currentIndex()
+        super().keyPressEvent(event)
+        enter = event is not None and event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter)
+        if self.currentIndex() != before or enter:
+            self.picked.emit(self.currentIndex())
 
 
-def readable(path: Path) -> str:
-    """Turn a file's name into words."""
-    return path.stem.replace("_", " ").replace("-", " ")
-
-
-def pixmap(image: U1) -> QPixmap:
-    """Copy an (H, W, 3) u8 image."""
-    height, width, _ = image.shape
-    data = image.tobytes()
-    return QPixmap.fromImage(
-        QImage(data, width, height, 3 * width, QImage.Format.Format_RGB888).copy()
-    )
-
-
-def _square_of(picture: QPixmap) -> QRect:
-    """The largest square in the middle."""
-    side = min(picture.width(), picture.height())
-    return QRect((picture.width() - side) // 2, (picture.height() - side) // 2, side, side)
+def _files(event: QDropEvent) -> list[Path]:
+    data = event.mimeData()
+    urls = data.urls() if data is not None else []
+    return [Path(url.toLocalFile()) for url in urls if url.isLocalFile()]

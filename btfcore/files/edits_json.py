@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -36,13 +36,17 @@ _ELSEWHERE = re.compile(r"^(//|\\\\|[A-Za-z][A-Za-z0-9+.-]+:)")  # hosts and URL
 
 @dataclass(frozen=True)
 class Source:
-    """Where a sample comes from: its name, files, whether it is flat-fielded, its scale."""
+    """Where a sample comes from: its name, files, whether it is flat-fielded, its scale.
+
+    drawn : (H, W) f4 in 0–1, a mask that lies in no file; it goes before `mask`.
+    """
 
     name: str
     file: Path
     mask: Path | None = None
     flat: bool = False
     scale: float = 1.0
+    drawn: NDArray[np.float32] | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, eq=False)

@@ -151,7 +151,12 @@ class Document:
         check(self.engine, edit)
         kept = layer.result if set(knobs) <= set(PASSIVE) else None
         layers = (*self.layers[:at], Layer(edit, kept), *self.layers[at + 1 :])
-        return self._step(f"change {edit.name}", layers, progress)
+        verb = "change"
+        if set(knobs) == {"visible"}:
+            verb = "show" if edit.visible else "hide"
+        elif set(knobs) == {"name"}:
+            verb = "rename"
+        return self._step(f"{verb} {edit.name}", layers, progress)
 
     def replay(self, *, progress: Progress = silent) -> I4:
         """Compute all visible edits anew, bottom first; returns the vertices that differ: none."""
@@ -171,19 +176,29 @@ class Document:
         """What `redo` would do again; "" where there is nothing."""
         return self._undone[-1].label if self._undone else ""
 
-    def undo(self) -> I4:
+    @property
+    def steps(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Labels of the steps that are done, and of those that `redo` would do, in their order."""
+        undone = tuple(step.label for step in reversed(self._undone))
+        return tuple(step.label for step in self._done), undone
+
+    def forget_undone(self) -> None:
+        """Let nothing be done again."""
+        self._undone.clear()
+
+    def undo(self, *, progress: Progress = silent) -> I4:
         """Take the last step back; returns the vertices that changed, none where there is none."""
         if not self._done:
             return np.zeros(0, np.int32)
-        changed = self._become(self._done[-1].before, silent)
+        changed = self._become(self._done[-1].before, progress)
         self._undone.append(self._done.pop())
         return changed
 
-    def redo(self) -> I4:
+    def redo(self, *, progress: Progress = silent) -> I4:
         """Do the last step again that was taken back."""
         if not self._undone:
             return np.zeros(0, np.int32)
-        changed = self._become(self._undone[-1].after, silent)
+        changed = self._become(self._undone[-1].after, progress)
         self._done.append(self._undone.pop())
         return changed
 

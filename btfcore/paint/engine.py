@@ -258,6 +258,18 @@ class Engine:
         patch[plain.patch < 0] = -1
         return Quilt(plain.source.copy(), plain.angle.copy(), plain.sample.copy(), patch)
 
+    def part_of_quilt(self, vertices: I4) -> Quilt:
+        """The quilt at `vertices` (n,) only, also while an edit is computed.
+
+        Patches have the numbers that they have at work, those of `quilt` being others.
+        """
+        state = self.state
+        some = QuiltState(
+            state.source[vertices], state.patch[vertices], np.zeros((0, 2), np.float32),
+            state.angle[vertices], state.patches, state.sample[vertices],
+        )  # fmt: skip
+        return some.quilt(self.palette.sheet)
+
     def copy(self) -> QuiltState:
         """Copy of the quilt as it is."""
         return copied(self.state)

@@ -70,7 +70,7 @@ def press(
     )  # fmt: skip
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _march(  # type: ignore[no-untyped-def]
     indptr, indices, edge, face_ptr, face_of, faces, value, own, seeds, start, radius, limit,
     slack, circles,

@@ -13,7 +13,7 @@ from btfcore.paint.engine import Engine, Result
 from btfcore.paint.foreground import Painter
 from btfcore.paint.outcome import painted
 from btfcore.progress import Progress, silent
-from btfcore.types import F8, I4
+from btfcore.types import F4, F8, I4
 
 AT_ONCE = 64  # points of a stroke between two calls of progress
 
@@ -43,10 +43,28 @@ class Session:
             engine.cancel()
             raise
 
-    def extend(self, points: F8, normals: F8 | None = None, pressure: F8 | None = None) -> I4:
+    @property
+    def wanted(self) -> F4:
+        """m_0 (N,) f4 that the edit asks for so far; read it, and copy it to keep it."""
+        return self._painter.wanted
+
+    @property
+    def changed(self) -> I4:
+        """Vertices (n,) i4 written so far, in no order."""
+        return self._engine.recorder.changed
+
+    def extend(
+        self,
+        points: F8,
+        normals: F8 | None = None,
+        pressure: F8 | None = None,
+        *,
+        lifted: bool = False,
+    ) -> I4:
         """Draw on through `points` (n, 3); returns the vertices that changed.
 
-        normals and pressure are given in every call or in none, as with the first point.
+        normals and pressure are given in every call or in none, as with the first point. lifted:
+        the brush was lifted before, so another stroke of the same edit begins here.
         Raises `InvalidEdit` for points that make no sense; the session goes on without them.
         """
         self._check()
@@ -66,9 +84,11 @@ class Session:
                 raise InvalidEdit(f"{name} must be given for all points of a stroke or for none")
         if sum(len(each[0]) for each in self._points) + len(part.points) > MOST_POINTS:
             raise InvalidEdit(f"the stroke has more than {MOST_POINTS:,} points; finish it")
-        self._points.append((part.points, part.normals, part.pressure))
         try:
-            return _union(self._painter.extend(part.points, part.normals, part.pressure))
+            changed = self._next(part) if lifted else []
+            self._points.append((part.points, part.normals, part.pressure))
+            changed += self._painter.extend(part.points, part.normals, part.pressure)
+            return _union(changed)
         except BaseException:
             self.cancel()
             raise
@@ -79,11 +99,7 @@ class Session:
         Where `progress` raises `Cancelled`, the session is cancelled.
         """
         self._check()
-        points = np.concatenate([part[0] for part in self._points])
-        normals, pressure = (_joined([part[column] for part in self._points]) for column in (1, 2))
-        *earlier, last = self._edit.area.strokes
-        whole = replace(last, points=points, normals=normals, pressure=pressure)
-        edit = replace(self._edit, area=replace(self._edit.area, strokes=(*earlier, whole)))
+        edit = self._edit = self._whole()
         try:
             self._painter.end()
             result = painted(self._engine, self._painter, edit, progress)
@@ -99,6 +115,24 @@ class Session:
         if self._open:
             self._open = False
             self._engine.cancel()
+
+    def _next(self, part: Stroke) -> list[I4]:
+        """End the last stroke and begin another one."""
+        edit = self._whole()
+        changed = self._painter.end()
+        self._painter.begin(part)
+        strokes = (*edit.area.strokes, part)
+        self._edit = replace(edit, area=replace(edit.area, strokes=strokes))
+        self._points = []
+        return changed
+
+    def _whole(self) -> PaintEdit:
+        """The edit with all points of its last stroke."""
+        points = np.concatenate([part[0] for part in self._points])
+        normals, pressure = (_joined([part[column] for part in self._points]) for column in (1, 2))
+        *earlier, last = self._edit.area.strokes
+        whole = replace(last, points=points, normals=normals, pressure=pressure)
+        return replace(self._edit, area=replace(self._edit.area, strokes=(*earlier, whole)))
 
     def _check(self) -> None:
         if not self._open:

@@ -5,25 +5,34 @@ All of it is prepared once for a decorated surface.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from concurrent.futures import Executor
+from dataclasses import dataclass
 
 import numpy as np
 
-from btfcore.mesh.rays import RayTree, ray_tree
 from btfcore.mesh.topology import twins
 from btfcore.progress import Progress
-from btfcore.render.cast import ray_origins, visibility
+from btfcore.render.cast import caster
 from btfcore.render.control import ControlEvaluator, control_points
 from btfcore.render.cull import cull_table, seen_surfels
 from btfcore.render.evaluate import Evaluator
 from btfcore.render.lights import Lights
 from btfcore.render.material import FactorMaterial, Material
-from btfcore.render.surfels import Placement, Surfels
+from btfcore.render.shadow_cache import ShadowCache
+from btfcore.render.surfels import Placement, Surfels, surfels
 from btfcore.types import F4, F8, I4, Prepared, Quilt
 
 _CONTROL = {"midpoints": True, "control": False}  # with the middles of edges or without
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """A quilt after edits, its control points by mode, and its `Backing.halves`."""
+
+    quilt: Quilt
+    control: dict[str, ControlEvaluator]
+    halves: tuple[I4, I4]
 
 
 class Backing:
@@ -50,8 +59,15 @@ class Backing:
         progress(0.3, "preparing the light")
         self._table = cull_table(prepared.atlas, source, place)
         self._open = bool((twins(prepared.mesh.faces) < 0).any())
-        self._rays: tuple[RayTree, F4, F4] | None = None
-        self._ray_s = 1e-6  # that one ray takes; measured from the first on
+        progress(0.4, "preparing the light")
+        mesh, dense = prepared.mesh, prepared.dense
+        self.shadows = ShadowCache(
+            caster(
+                place.to_scene(mesh.vertices), mesh.faces, surfels,
+                face=dense.face, bary=dense.bary,
+            ),
+            pool,
+        )  # fmt: skip
 
     def offers(self, mode: str) -> bool:
         """Whether there is such a mode for these materials."""
@@ -92,41 +108,36 @@ class Backing:
             self._control[mode] = ControlEvaluator(self._evaluator, control)
         return self._control[mode]
 
-    def shade(self, chosen: I4, lights: Lights) -> F4:
-        """Share (L, n) f4 of each light that reaches each surfel past the rest of the mesh.
+    def followed(self, quilt: Quilt) -> Followed:
+        """What modes by whole patches need of another quilt; for any thread."""
+        prepared = self._prepared
+        shown = surfels(prepared.dense, prepared.field, quilt, self._place)
+        control = {
+            mode: ControlEvaluator(
+                self._evaluator,
+                control_points(
+                    prepared.mesh, prepared.dense, quilt, shown, self._place,
+                    midpoints=_CONTROL[mode],
+                ),
+            )
+            for mode in list(self._control)
+        }  # fmt: skip
+        return Followed(quilt, control, _halves(prepared, quilt))
 
-        Lights in place of an environment cast no shadows: all of theirs arrives.
-        """
-        if self._rays is None:
-            self._rays = self._prepare_rays()
-        tree, origins, normals = self._rays
-        count = len(lights) - lights.sampled
-        alone = Lights(lights.direction[:count].copy(), lights.intensity[:count].copy())
-        start = time.perf_counter()
-        found = visibility(tree, origins, normals, alone, chosen=chosen, pool=self._pool)
-        if count and len(chosen):
-            self._ray_s = (time.perf_counter() - start) / (count * len(chosen))
-        if lights.sampled:
-            rest = np.ones((lights.sampled, len(chosen)), np.float32)
-            found = np.concatenate([found, rest])
-        return found
-
-    def shade_s(self, count: int, lights: Lights) -> float:
-        """Seconds that `shade` is expected to take."""
-        return self._ray_s * count * (len(lights) - lights.sampled)
-
-    def _prepare_rays(self) -> tuple[RayTree, F4, F4]:
-        mesh, dense = self._prepared.mesh, self._prepared.dense
-        points = self._place.to_scene(mesh.vertices)
-        normals = np.ascontiguousarray(self._surfels.frame[:, 2])
-        origins = ray_origins(points, mesh.faces, dense.face, dense.bary, normals)
-        return ray_tree(points, mesh.faces), origins, normals
+    def follow(self, made: Followed) -> None:
+        """Go on with another quilt of the same surface, which the surfels show already."""
+        self._quilt = made.quilt
+        self._control = dict(made.control)
 
     def halves(self) -> tuple[I4, I4]:
         """Group (n,) i4 of every surfel, 2 x 2 texels of one patch, and a surfel (G,) of each."""
-        dense, patch = self._prepared.dense, self._quilt.patch.astype(np.int64)
-        side = dense.size // 2 + 1
-        row, column = dense.texel.astype(np.int64).T // 2
-        key = ((patch + 1) * side + row) * side + column
-        _, first, group = np.unique(key, return_index=True, return_inverse=True)
-        return group.reshape(-1).astype(np.int32), first.astype(np.int32)
+        return _halves(self._prepared, self._quilt)
+
+
+def _halves(prepared: Prepared, quilt: Quilt) -> tuple[I4, I4]:
+    dense, patch = prepared.dense, quilt.patch.astype(np.int64)
+    side = dense.size // 2 + 1
+    row, column = dense.texel.astype(np.int64).T // 2
+    key = ((patch + 1) * side + row) * side + column
+    _, first, group = np.unique(key, return_index=True, return_inverse=True)
+    return group.reshape(-1).astype(np.int32), first.astype(np.int32)

@@ -98,3 +98,16 @@ def joined(lights: Sequence[Lights]) -> Lights:
         last.sampled,
         None if last.harmonics is None else last.harmonics.copy(),
     )
+
+
+def alike(one: Lights, two: Lights) -> bool:
+    """Whether two sets of lights are the same in all that counts."""
+    if one is two:
+        return True
+    if one.harmonics is None or two.harmonics is None:
+        if one.harmonics is not two.harmonics:
+            return False
+    elif not np.array_equal(one.harmonics, two.harmonics):
+        return False
+    pairs = ((one.direction, two.direction), (one.intensity, two.intensity))
+    return one.sampled == two.sampled and all(np.array_equal(*pair) for pair in pairs)

@@ -17,25 +17,26 @@ from numpy.typing import NDArray
 
 from btfcore.errors import InvalidParameter
 from btfcore.progress import Progress, silent
-from btfcore.render.backing import Backing
+from btfcore.render.backing import Backing, Followed
 from btfcore.render.copying import gather_texels, grouped, scatter
 from btfcore.render.gutter import gutter_source
-from btfcore.render.lights import NONE, Lights
+from btfcore.render.lights import NONE, Lights, alike
 from btfcore.render.material import Material
 from btfcore.render.pool import in_slices, shared_pool
-from btfcore.render.surfels import Placement, placement, surfels
+from btfcore.render.shadow_cache import ShadowCache
+from btfcore.render.surfels import Placement, placement, rewrite, surfels
 from btfcore.render.tonemap import develop, displayed
 from btfcore.types import F4, F8, I4, Prepared, Quilt
 
 U1 = NDArray[np.uint8]
 
-# By falling quality. Between "control" and "half" no cut of rank has a place: look-up costs
-# more than factors do, so that rank 16 is slower than control points and errs twice as much.
+# By falling quality; cuts of rank are slower than control points and err twice as much.
 MODES = ("full", "midpoints", "control", "half")
 PROBES = 2000  # surfels on which the error of a mode is measured
 _SLICE = 1 << 14  # surfels evaluated between two looks at the clock, fewer where lights are many
 _KEEP = 0.3  # of a newly measured pace in the mean
-_WORTH = 0.5  # of a better mode's time that a worse one may take at most
+# of a better mode's time that a worse one may take at most
+_WORTH = {"full": 1.0, "midpoints": 0.8, "control": 0.8, "half": 0.5}
 _GROUND_S = 2e-4  # what any evaluation costs before its first surfel
 # Seconds a surfel and light, before there is a measured one.
 _GUESS = {"full": 1.4e-7, "midpoints": 5e-8, "control": 3e-8, "half": 4e-8}
@@ -79,15 +80,17 @@ class Relighter:
         Raises `InvalidParameter` where the quilt names a sample that is not there.
         """
         dense = prepared.dense
+        self._prepared = prepared
         progress(0.0, "preparing the light")
         self.place = place if place is not None else placement(prepared.mesh.vertices)
         self.surfels = surfels(dense, prepared.field, quilt, self.place)
         self.size = dense.size
         self.step = dense.step  # of a texel on the surface, in world units
         self._pool = pool if pool is not None else shared_pool()
-        self._source = gutter if gutter is not None else gutter_source(dense)
+        self.gutter = gutter if gutter is not None else gutter_source(dense)
+        self.materials = tuple(materials)
         self._backing = Backing(
-            prepared, quilt, materials, self.surfels, self._source, self.place, self._pool, progress
+            prepared, quilt, materials, self.surfels, self.gutter, self.place, self._pool, progress
         )
         count = len(self.surfels)
         self._values = np.zeros((0, 3), np.float32)  # radiance of the chosen, in their order
@@ -102,7 +105,6 @@ class Relighter:
         self._exposure, self._curve, self._shadows = 0.0, "clip", False
         self._everything = False
         self._chosen: I4 = np.zeros(0, np.int32)
-        self._shade: F4 | None = None
         self._culled = self._lit = self._shown = False  # what of the present state was done
         self._next = 0  # so many of the chosen have their full values
         self._quality = Quality()
@@ -128,7 +130,7 @@ class Relighter:
         shadows : those of `lights` that stand for no environment cast shadows at full quality.
         """
         moving = lights if moving is None else moving
-        same = _alike(lights, self._lights) and _alike(moving, self._moving)
+        same = alike(lights, self._lights) and alike(moving, self._moving)
         if not same or shadows is not self._shadows:
             self._lights, self._moving, self._shadows = lights, moving, shadows
             self._lit = self._shown = False
@@ -149,6 +151,34 @@ class Relighter:
             self._everything = wanted
             self._culled = self._lit = self._shown = False
 
+    def followed(self, quilt: Quilt) -> Followed:
+        """Prepare, in any thread, what modes by whole patches need of an edited quilt."""
+        return self._backing.followed(quilt)
+
+    def follow(self, made: Followed) -> None:
+        """Take the whole of an edited quilt, whose changes `update` was told."""
+        self._backing.follow(made)
+        self._half = (*made.halves, np.full(len(made.halves[1]), -1, np.int32))
+
+    def update(self, vertices: I4, part: Quilt) -> None:
+        """Show the values `part` of `vertices` (n,): the quilt is being painted.
+
+        Raises `InvalidParameter` where `part` names a sample that is not among the materials.
+        """
+        highest = int(part.sample[part.patch >= 0].max(initial=0))
+        if highest >= len(self.materials):
+            raise InvalidParameter(
+                f"the quilt names sample {highest}, the light knows {len(self.materials)}"
+            )
+        normals, tangents = self._prepared.dense.normals, self._prepared.field.tangents
+        rewrite(self.surfels, vertices, part, normals[vertices], tangents[vertices])
+        mark = np.zeros(len(self.surfels), np.bool_)
+        mark[vertices] = True
+        rows = np.flatnonzero(mark[self._chosen[: self._held]]) if self._culled else vertices[:0]
+        if len(rows):
+            self._values[rows] = self._full_values(self._chosen[rows])
+            self._shown = False
+
     # --- what is done
 
     @property
@@ -160,6 +190,11 @@ class Relighter:
     def lights(self) -> Lights:
         """What `light` was given last."""
         return self._lights
+
+    @property
+    def shadows(self) -> ShadowCache:
+        """Which lights reach the surfels."""
+        return self._backing.shadows
 
     @property
     def visible(self) -> I4:
@@ -186,8 +221,6 @@ class Relighter:
         used = mode if mode is not None else self._affordable(budget_s)
         start = time.perf_counter()
         lights = self._lights if used == "full" else self._moving
-        if used == "full" and self._shadows:
-            self._shade = self._backing.shade(self._chosen, lights)
         self._evaluate(used, lights)
         spent = time.perf_counter() - start
         work = len(self._chosen) * max(len(lights), 1)
@@ -210,10 +243,10 @@ class Relighter:
             self._lit = True
             self._shown = False
         begin = self._next
-        if self._shadows and begin == 0:
-            self._shade = self._backing.shade(self._chosen, self._lights)
-        lights = max(len(self._lights), 1)
-        step = max(1 << 10, _SLICE // lights)
+        step = max(1 << 10, _SLICE // max(len(self._lights), 1))
+        if self._shadows:
+            casting = len(self._lights) - self._lights.sampled
+            step = min(step, self._backing.shadows.affordable(casting, budget_s / 2))
         while self._next < len(self._chosen):
             part = slice(self._next, min(self._next + step, len(self._chosen)))
             self._full(part)
@@ -256,6 +289,7 @@ class Relighter:
         Afterwards the surface is lit by `lights`; nothing of it is in the image yet.
         """
         self.light(lights)
+        self._backing.shadows.shade(lights, self.visible[:1])
         for number, mode in enumerate(self.modes):
             progress(0.5 + 0.5 * number / len(self.modes), "preparing the light")
             least = np.inf
@@ -292,8 +326,8 @@ class Relighter:
             work = len(self._chosen) * max(len(lights), 1)
             cost = _GROUND_S + self._pace * self._cost[mode] * work
             if mode == "full" and self._shadows:
-                cost += self._backing.shade_s(len(self._chosen), lights)
-            if cost < _WORTH * least:
+                cost += self._backing.shadows.seconds(lights, self._chosen)
+            if cost < _WORTH[mode] * least:
                 taken = mode
             least = min(least, cost)
             if cost <= budget_s:
@@ -310,15 +344,21 @@ class Relighter:
             values = self._backing.radiance("full", first[found], self._eye, lights)
             np.take(values, place, axis=0, out=out)
             return
-        shade = self._shade if mode == "full" and self._shadows else None
+        shade = self._shade(chosen) if mode == "full" else None
         self._backing.radiance(mode, chosen, self._eye, lights, shade, out=out)
 
+    def _shade(self, chosen: I4) -> F4 | None:
+        return self._backing.shadows.shade(self._lights, chosen) if self._shadows else None
+
+    def _full_values(self, chosen: I4) -> F4:
+        shade = self._shade(chosen)
+        return self._backing.radiance("full", chosen, self._eye, self._lights, shade)
+
     def _full(self, part: slice) -> None:
-        shade = None
-        if self._shadows and self._shade is not None:
-            shade = np.ascontiguousarray(self._shade[:, part])
+        chosen = self._chosen[part]
+        shade = self._shade(chosen)
         self._backing.radiance(
-            "full", self._chosen[part], self._eye, self._lights, shade, out=self._values[part]
+            "full", chosen, self._eye, self._lights, shade, out=self._values[part]
         )
 
     def _halves(self) -> tuple[I4, I4, I4]:
@@ -339,7 +379,7 @@ class Relighter:
             scatter(part, chosen, begin, end, self._coded)
 
         def gather(begin: int, end: int) -> None:
-            gather_texels(self._source, self._coded, begin, end, self.image)
+            gather_texels(self.gutter, self._coded, begin, end, self.image)
 
         in_slices(code, len(chosen), self._pool)
         in_slices(gather, self.size * self.size, self._pool)
@@ -354,21 +394,7 @@ class Relighter:
         rows = np.flatnonzero(self._keys[self._chosen] < PROBES / count * len(self._keys))
         rows = rows[rows < self._held] if (rows < self._held).any() else np.zeros(1, np.int64)
         probes = self._chosen[rows]
-        shade = self._backing.shade(probes, self._lights) if self._shadows else None
-        wanted = self._backing.radiance("full", probes, self._eye, self._lights, shade)
+        wanted = self._full_values(probes)
         one = displayed(self._values[rows], self._exposure, self._curve).astype(np.float64)
         two = displayed(wanted, self._exposure, self._curve).astype(np.float64)
         return float(np.sqrt(((one - two) ** 2).mean()))
-
-
-def _alike(one: Lights, two: Lights) -> bool:
-    """Whether two sets of lights are the same in all that counts."""
-    if one is two:
-        return True
-    if one.harmonics is None or two.harmonics is None:
-        if one.harmonics is not two.harmonics:
-            return False
-    elif not np.array_equal(one.harmonics, two.harmonics):
-        return False
-    pairs = ((one.direction, two.direction), (one.intensity, two.intensity))
-    return one.sampled == two.sampled and all(np.array_equal(*pair) for pair in pairs)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from btfcore.connection import frames
 from btfcore.errors import InvalidParameter
-from btfcore.types import F4, F8, U2, DenseMesh, Field, Frozen, Quilt
+from btfcore.types import F4, F8, I4, U2, DenseMesh, Field, Frozen, Quilt
 
 BARE = 65535  # sample number of a surfel on which no patch lies
 _LEAST = 1e-6
@@ -86,6 +86,30 @@ def surfels(dense: DenseMesh, field: Field, quilt: Quilt, place: Placement) -> S
         np.where(covered[:, None], quilt.source, 0).astype(np.float32),
         np.where(covered, quilt.sample, BARE).astype(np.uint16),
     )
+
+
+def rewrite(there: Surfels, vertices: I4, part: Quilt, normals: F4, tangents: F4) -> None:
+    """Give the surfels `vertices` (n,) the values `part` (n,) of a quilt that is being painted.
+
+    The only way in which surfels change, for those who own them. normals, tangents (n, 3): there.
+    Raises `InvalidParameter` as `surfels` does.
+    """
+    covered = part.patch >= 0
+    good = np.isfinite(part.source).all(axis=1) & np.isfinite(part.angle)
+    if not good[covered].all():
+        raise InvalidParameter(
+            f"the quilt holds {int((covered & ~good).sum())} positions that are not finite"
+        )
+    angle = np.where(covered, part.angle, 0).astype(np.float64)
+    values = (
+        (there.frame, turned_frames(normals, tangents, angle)),
+        (there.source, np.where(covered[:, None], part.source, 0)),
+        (there.sample, np.where(covered, part.sample, BARE)),
+    )
+    for array, value in values:
+        array.flags.writeable = True
+        array[vertices] = value
+        array.flags.writeable = False
 
 
 def turned_frames(normals: F4, tangents: F4, angle: F8) -> F4:

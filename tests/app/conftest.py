@@ -26,3 +26,20 @@ def files(tmp_path_factory):
     Image.fromarray(image).save(folder / "blobs.png")
     (folder / "noimage.png").write_text("this is no image")
     return folder
+
+
+@pytest.fixture(scope="module")
+def shared(qapp, tmp_path_factory):
+    """A view with its tools, as far as the tests of a module have brought it."""
+    from tests.app.studio import opened
+
+    with opened(tmp_path_factory.mktemp("studio")) as studio:
+        yield studio
+
+
+@pytest.fixture
+def studio(shared):
+    """The same after a synthesis, without edits and with the options of a new user."""
+    from tests.app.studio import cleared, painted
+
+    return cleared(painted(shared))

@@ -37,6 +37,7 @@ def test_a_result_arrives_on_the_windows_thread(qtbot):
         (InvalidMesh("no triangle left, 3 were dropped"), "no triangle left, 3 were dropped"),
         (MemoryError(), "memory"),
         (ZeroDivisionError("odd"), "internal error: ZeroDivisionError: odd"),
+        (SystemExit(3), "internal error: SystemExit: 3"),
     ],
 )
 def test_every_error_is_told_and_the_next_job_runs(qtbot, error, expected):

@@ -44,7 +44,8 @@ def window(qtbot, tmp_path, monkeypatch):
 def idle(qtbot, window):
     """Wait until nothing runs."""
     operations = window.operations
-    runners = (operations.work, operations.drawing, operations.reading)
+    edits = operations.edits
+    runners = (operations.work, operations.drawing, operations.reading, edits, edits.tasks)
     qtbot.waitUntil(lambda: not any(each.busy for each in runners), timeout=LONG)
 
 

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from btfcore.render.camera import Turntable
 from app.scene import BOTTOM, TOP, U1, Scene, off_screen_plotter
 from btfcore.files.surface import export_input
 from btfcore.paint.constrained import energy, seam_count, unit_of
@@ -26,6 +25,7 @@ from btfcore.paint.region import constrain
 from btfcore.pipeline import load_mesh, prepare, synthesizer
 from btfcore.quilt.parameters import QuiltParameters
 from btfcore.quilt.recut import vertex_costs
+from btfcore.render.camera import Turntable
 from btfcore.render.texture import atlas_texture, vertex_colours
 from btfcore.types import F4, F8, I4, Sample
 from resources.recipes.brick import wall

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from btfcore.render.camera import Turntable
 from app.scene import BOTTOM, TOP, U1, Scene, off_screen_plotter
 from btfcore.files.surface import ExportSurface, export_input
+from btfcore.render.camera import Turntable
 from btfcore.render.modes import seam_colours
 from btfcore.render.texture import atlas_texture, vertex_colours
 from tests.bench.mapping import Case, Method

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from btfcore.render.camera import Turntable
 from app.scene import BOTTOM, TOP, U1, render
 from btfcore.btf.appearance import quilting_sample
 from btfcore.files.samples import open_sample
@@ -23,6 +22,7 @@ from btfcore.paint.edits import Area, PaintEdit, Stroke
 from btfcore.paint.engine import Engine
 from btfcore.pipeline import load_mesh, prepare, synthesizer
 from btfcore.quilt.parameters import QuiltParameters
+from btfcore.render.camera import Turntable
 from btfcore.render.texture import atlas_texture, vertex_colours
 from btfcore.types import F8, Prepared
 from tests.bench.figure10 import save

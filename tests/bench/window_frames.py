@@ -21,7 +21,7 @@ from PyQt6.QtGui import QMouseEvent
 from PyQt6.QtWidgets import QApplication
 
 from app.document import Canvas, Decoration, Mode
-from app.operations import _prepare
+from app.operations import prepare
 from app.window import Window
 from btfcore import pipeline
 from btfcore.btf.appearance import quilting_sample
@@ -90,7 +90,7 @@ class Bench:
         """Cover the mesh with the woven sample."""
         opened = self.window.document.opened
         assert opened is not None
-        canvas = _prepare(opened, rate, silent)
+        canvas = prepare(opened, rate, silent)
         engine = pipeline.synthesizer(canvas.prepared, self.sample, QuiltParameters())
         quilt = engine.run()
         seams = measure_seams(engine.net, engine.state, engine.sheet)
@@ -99,7 +99,7 @@ class Bench:
     def take(self, canvas: Canvas, quilt: Quilt, seams: SeamMeasures) -> None:
         """Show a quilt of the woven sample."""
         materials = (factor_material(self.btf),)
-        done = Decoration(canvas, self.sample, quilt, 0, seams, 0.0, materials)
+        done = Decoration(canvas, (self.sample,), quilt, 0, seams, 0.0, materials)
         document = self.window.document
         document.set_canvas(canvas)
         document.set_decoration(done)
@@ -142,12 +142,16 @@ class Bench:
         )  # fmt: skip
 
     def rest(self) -> float:
-        """Seconds from the last event of a drag of the light to full quality on the screen."""
-        self.drag("light", 0.5)
+        """Seconds from the last event of a drag of the light to full quality on the screen.
+
+        Where frames in motion have full quality already, it is there with the last of them.
+        """
+        moved = self.drag("light", 0.5)
         begin = time.perf_counter()
         self._wait(lambda: self.window.viewport.lit.resting)
-        self.frames = 0
-        self._until_drawn()
+        if moved.mode != "full":
+            self.frames = 0
+            self._until_drawn()
         return time.perf_counter() - begin
 
     def difference(self) -> int:

@@ -94,6 +94,21 @@ def test_any_batching_gives_the_bits_of_the_replay(name):
         assert scenes.bits(doc) == scenes.bits(replayed)
 
 
+def test_a_brush_that_is_lifted_makes_two_strokes_of_one_edit_with_the_bits_of_the_replay():
+    doc, replayed = scenes.document(), scenes.document()
+    strokes = (winding(doc, 900, 15), winding(doc, 2000))
+    session = doc.begin(PaintEdit(area=Area(strokes=(one(strokes[0], 0, 1),)), sample=0))
+    session.extend(strokes[0].points[1:], strokes[0].normals[1:])
+    session.extend(strokes[1].points[:4], strokes[1].normals[:4], lifted=True)
+    session.extend(strokes[1].points[4:], strokes[1].normals[4:])
+    session.finish()
+    (kept,) = doc.edits
+    for drawn_one, wanted in zip(kept.area.strokes, strokes, strict=True):
+        assert np.array_equal(drawn_one.points, wanted.points)
+    replayed.add(PaintEdit(area=Area(strokes=strokes), sample=0))
+    assert scenes.bits(doc) == scenes.bits(replayed)
+
+
 def test_what_is_drawn_shows_before_the_end():
     doc = scenes.document()
     stroke = winding(doc, 2000)

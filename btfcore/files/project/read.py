@@ -81,6 +81,15 @@ def project_token(path: str | Path) -> str:
     return _Opened.of(Path(path)).manifest.token
 
 
+def project_preview(path: str | Path) -> bytes | None:
+    """PNG that was saved with a project, not decoded; None without one, raises `InvalidProject`."""
+    path = Path(path)
+    member = members(path, LIMITS).get(PREVIEW)
+    if member is None:
+        return None
+    return read_member(path, member, most=LARGEST_PREVIEW, limits=LIMITS)
+
+
 def project_figures(path: str | Path) -> dict[str, object]:
     """Everything worth knowing about a project that its manifest tells; plain JSON."""
     opened = _Opened.of(Path(path))

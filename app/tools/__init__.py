@@ -1,0 +1,1 @@
+"""What the pointer does to the surface: tools, what they draw, and how events reach them."""
