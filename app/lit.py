@@ -196,6 +196,7 @@ class Lit(QObject):
         """Do nothing any more."""
         self._slices.stop()
         self._teller.stop()
+        self._card.close()
 
     # --- the graphics card
 

@@ -85,6 +85,12 @@ class LitShader:
         if self._shader is not None:
             self._shader.set_smooth(wanted)
 
+    def close(self) -> None:
+        """Hear no more of what VTK finds wrong."""
+        if self._watch is not None:
+            self._watch.end()
+            self._watch = None
+
     def errors(self) -> list[str]:
         """What went wrong since the shader was shown."""
         return self._watch.errors if self._watch is not None else []

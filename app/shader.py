@@ -205,6 +205,9 @@ class Shader:
         return self._actor.GetShaderProperty().GetFragmentCustomUniforms()
 
 
+_OUTPUTS: dict[str, Any] = {}
+
+
 class Watch:
     """Hears what VTK finds wrong while it draws: programs that do not compile, lost textures."""
 
@@ -216,7 +219,12 @@ class Watch:
         def hear(_caller: Any, _event: str, text: str | None = None) -> None:
             self.errors.append(str(text or "an error without a text"))
 
-        sources = [vtkOutputWindow.GetInstance()]
+        # An output window outlives its wrapper. Collected with that, as the wrapper's observers
+        # are, `hear` would be called as an emptied function.
+        sources = [
+            _OUTPUTS.setdefault(str(out.GetAddressAsString("vtkObject")), out)
+            for out in [vtkOutputWindow.GetInstance()]
+        ]
         if hasattr(window, "GetShaderCache"):
             sources.append(window.GetShaderCache())
         self._heard = [(each, each.AddObserver(_ERROR, hear)) for each in sources if each]

@@ -30,6 +30,7 @@ from app.panels.samples import SamplesPanel
 from app.panels.welcome import WelcomePanel
 from app.theme import named
 from app.viewport import Viewport
+from app.workspace import Workspace, is_project
 from btfcore import __version__
 from btfcore.errors import PatinaError
 from btfcore.files.export import SUFFIXES as EXPORT_SUFFIXES
@@ -77,9 +78,12 @@ class Window(QMainWindow):
             self, self, self.document, self.operations.work,
             examples=examples, settings=self._settings,
         )  # fmt: skip
+        self.workspace = Workspace(self, self._settings)
         self._connect()
         self._show_mesh()
         self.operations.offer(textures)
+        if not scripted:
+            self.workspace.restore()
         if lacking:
             self.errors.tell(lacking)
 
@@ -135,7 +139,7 @@ class Window(QMainWindow):
 
     def open_mesh(self, path: Path) -> None:
         """Open a mesh file, asking first where work would be lost."""
-        if self._may_lose(self.tr("Open another mesh?")):
+        if self.may_lose(self.tr("Open another mesh?")):
             self.operations.open_mesh(path)
 
     def synthesize(self) -> None:
@@ -143,8 +147,9 @@ class Window(QMainWindow):
         self.operations.synthesize()
 
     def cancel(self) -> None:
-        """Stop what runs."""
-        self.operations.cancel()
+        """Stop the stroke in hand, or what runs."""
+        if not self.workspace.bench.cancel():
+            self.operations.cancel()
 
     def pause(self) -> None:
         """Let what runs wait, or go on."""
@@ -181,7 +186,7 @@ class Window(QMainWindow):
         )
         if name:
             self._keep_folder("sample", str(Path(name) / "x"))
-            self.operations.offer_folder(Path(name))
+            self.workspace.library.add_folder(Path(name))
 
     def ask_export(self) -> None:
         """Let the user choose where the result goes."""
@@ -255,7 +260,10 @@ class Window(QMainWindow):
             self.open_mesh(found[0])
         if len(found) > 1:
             self.notes.tell(self.tr("Of {0} meshes the first was opened.").format(len(found)))
-        known = {*images, *found}
+        projects = [path for path in paths if is_project(path) and not path.is_dir()]
+        if projects:
+            self.workspace.open_project(projects[0])
+        known = {*images, *found, *projects}
         odd = [path for path in paths if path not in known and not path.is_dir()]
         if odd:
             text = self.tr("{0}: neither a mesh ({1}) nor an image ({2})")
@@ -317,19 +325,21 @@ class Window(QMainWindow):
         """Ask where work would be lost; then stop the workers, wait, and free the view."""
         if event is None:
             return
-        if not self._may_lose(self.tr("Quit?")):
+        if not self.may_lose(self.tr("Quit?")):
             event.ignore()
             return
+        self.workspace.close()
         self.operations.close()
         self.viewport.close_view()
         super().closeEvent(event)
 
-    def _may_lose(self, title: str) -> bool:
+    def may_lose(self, title: str) -> bool:
+        """Ask where work would be lost; False where the user would rather keep it."""
         if self.scripted or not self.document.unsaved:
             return True
         box = QMessageBox(self)
         box.setWindowTitle(title)
-        box.setText(self.tr("The decorated mesh has not been exported."))
+        box.setText(self.tr("The decorated mesh has not been saved or exported."))
         box.setInformativeText(self.tr("It will be lost if you go on."))
         keep = box.addButton(self.tr("Keep working"), QMessageBox.ButtonRole.RejectRole)
         box.addButton(self.tr("Discard it"), QMessageBox.ButtonRole.DestructiveRole)

@@ -103,7 +103,8 @@ class Workbench(QObject):
         self._actions: dict[str, QAction] = {}
         self.pointer.attach(viewport.surface)
         self.pointer.set_eraser(self.tools["erase"])
-        viewport.surface.installEventFilter(self)
+        self._watched = viewport.surface
+        self._watched.installEventFilter(self)
         viewport.moved.connect(self.overlay.follow)
         document.mesh_changed.connect(self._follow_surface)
         document.picture_changed.connect(self._follow_surface)
@@ -189,7 +190,7 @@ class Workbench(QObject):
 
     def eventFilter(self, target: QObject | None, event: QEvent | None) -> bool:  # noqa: N802
         """Take the keyboard with a press; while a value is set Escape is for that."""
-        if event is None or target is not self.viewport.surface:
+        if event is None or target is not self._watched:
             return False
         kind = event.type()
         if kind in _PRESSES:
@@ -231,8 +232,10 @@ class Workbench(QObject):
         return drawn or self.desk.edits.redo()
 
     def close(self) -> None:
-        """Let nothing run any more."""
+        """Let nothing run any more, and hear no events."""
         self.pointer.set_tool(None)
+        for each in (self, self.pointer):
+            self._watched.removeEventFilter(each)
         for tasks in (self._picking, self._measuring, self._orient.tasks):
             tasks.close()
 
