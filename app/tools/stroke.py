@@ -37,8 +37,11 @@ class StrokeTool(Tool):
     trace = True  # the way of the present drag is drawn
 
     def brush(self) -> Brush:
-        """Return the brush as it is set now; a drag keeps the one that it began with."""
-        raise NotImplementedError
+        """Return the brush as it is set now; a drag keeps the one that it began with.
+
+        Of radius 1 where a tool does not say otherwise.
+        """
+        return Brush(1.0)
 
     def begin_stroke(self, run: Run, brush: Brush) -> None:
         """Begin a stroke with the samples of `run`; the one before it, if any, is complete."""

@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from btfcore.errors import InvalidParameter
-from btfcore.mesh.rays import RayTree, stack_size
+from btfcore.mesh.rays import RayTree, inverse, stack_size
 from btfcore.types import F8, I4, Frozen
 
 _EDGE = 1e-9  # of a triangle, by which it is enlarged, so that rays do not slip between two
@@ -79,7 +79,7 @@ def _first_crossings(  # type: ignore[no-untyped-def]
         dx, dy, dz = directions[n, 0], directions[n, 1], directions[n, 2]
         if not np.isfinite(ox + oy + oz + dx + dy + dz):
             continue
-        ix, iy, iz = _inverse(dx), _inverse(dy), _inverse(dz)
+        ix, iy, iz = inverse(dx), inverse(dy), inverse(dz)
         least, best, found = nearest[n], np.inf, -1
         enter, leave = _span(box, 0, ox, oy, oz, ix, iy, iz)
         top = 0
@@ -114,14 +114,6 @@ def _first_crossings(  # type: ignore[no-untyped-def]
                 top += 1
         face[n] = found
         distance[n] = best
-
-
-@njit(cache=True, nogil=True)
-def _inverse(value):  # type: ignore[no-untyped-def]
-    # not infinite: 0 times infinity would be no number
-    if abs(value) > 1e-60:
-        return 1.0 / value
-    return 1e60 if value >= 0 else -1e60
 
 
 @njit(cache=True, nogil=True)

@@ -101,7 +101,7 @@ def any_hit(box, child, count, triangle, origin, direction, last, stack):  # typ
     dx, dy, dz = direction[0], direction[1], direction[2]
     if _meets(triangle, last, ox, oy, oz, dx, dy, dz):
         return last
-    ix, iy, iz = _inverse(dx), _inverse(dy), _inverse(dz)
+    ix, iy, iz = inverse(dx), inverse(dy), inverse(dz)
     stack[0] = 0
     top = 1
     while top > 0:
@@ -132,7 +132,8 @@ def stack_size() -> int:
 
 
 @njit(cache=True, nogil=True)
-def _inverse(value):  # type: ignore[no-untyped-def]
+def inverse(value):  # type: ignore[no-untyped-def]
+    """Return 1 / value, huge for 0."""
     # not infinite: 0 times infinity would be no number
     if abs(value) > 1e-60:
         return 1.0 / value

@@ -390,7 +390,7 @@ def crashed(root, name="lion.patina", edits=3, saved=1.7e9, crash=""):
     """A session that has ended badly, with a save that is no project."""
     held = open_session(root)
     file = held.next_file()
-    held.tell(file, About(name, edits, saved, f"/home/ann/{name}"))
+    held.tell(file, About(name, edits, saved, str(root / name)))
     file.write_bytes(b"x" * 5000)
     if crash:
         (held.folder / "crash.txt").write_text(crash)
